@@ -1,0 +1,2 @@
+//! Mathematics true of all rotations, directions and symmetric matrices.
+pub mod real;
