@@ -1,2 +1,5 @@
 //! Mathematics true of all rotations, directions and symmetric matrices.
 pub mod real;
+pub mod so3;
+pub mod sym6;
+pub mod vec3;

@@ -1,0 +1,5 @@
+//! Estimators: everything that turns linearisations into an estimate.
+pub mod least_squares;
+pub mod loss;
+pub mod normal_equations;
+pub mod pose;

@@ -1,0 +1,99 @@
+//! The one linearisation and the sinks that consume it.
+//!
+//! A sensor turns [`Kinematics`](super::kinematics::Kinematics) into `y = z ⊟ h(x)`, `H`, `W` once; least squares,
+//! filters, Fisher information and the Jacobian laws are [`Sink`]s. A line of sight keeps its structure: with
+//! `h` the predicted direction and `ρ` the range, all of `H` follows from `(h, 1/ρ)`,
+//!
+//! `∂h/∂p = −(I − hhᵀ) dcm/ρ`,  `∂h/∂α = [h×]`   (spec equations (11), and (12) with the chain factor taken out),
+//!
+//! so a sink may accumulate straight from them; one that does not care receives the expanded rows.
+use crate::math::real::Real;
+use crate::math::vec3::{Mat3, Vec3, rotate_transposed, skew};
+
+/// `M` measurement rows: `y ≈ H δ`, `δ = [δp, δv, δα]` true minus estimate, weight `SᵀS`.
+#[derive(Clone, Copy, Debug)]
+pub struct Linearization<T, const M: usize> {
+    /// `y = z ⊟ h(x)`.
+    pub innovation: [T; M],
+    /// `∂h/∂p`, reference axes, 1/m.
+    pub d_position: [Vec3<T>; M],
+    /// `∂h/∂v`, reference axes, s/m.
+    pub d_velocity: [Vec3<T>; M],
+    /// `∂h/∂α`, body axes, 1/rad.
+    pub d_attitude: [Vec3<T>; M],
+    /// `S` with `SᵀS = R⁻¹`.
+    pub sqrt_information: [[T; M]; M],
+}
+
+/// How much a direction is trusted.
+#[derive(Clone, Copy, Debug)]
+pub enum Weight<T> {
+    /// `w I`, `w = 1/σ²`.
+    Scalar(T),
+    /// `SᵀS`, the square root of a full information matrix.
+    Full(Mat3<T>),
+}
+
+/// One line of sight, linearised, its structure kept. Body axes throughout.
+#[derive(Clone, Copy, Debug)]
+pub struct Direction<T> {
+    /// Predicted unit vector `h`.
+    pub predicted: Vec3<T>,
+    /// `e = b − h`. Always the difference: `b` in its place in the sums loses three digits.
+    pub innovation: Vec3<T>,
+    /// `1/ρ`, 1/m.
+    pub inverse_range: T,
+    /// Weight of the three components.
+    pub weight: Weight<T>,
+}
+
+impl<T: Real> Direction<T> {
+    /// `∂h/∂p'`, `p' = dcm p` the position in body axes: `−(I − hhᵀ)/ρ`.
+    #[inline(always)]
+    pub fn d_body_position(&self) -> Mat3<T> {
+        let (h, k) = (self.predicted, self.inverse_range);
+        let g = [k * h[0], k * h[1], k * h[2]];
+        [
+            [g[0].mul_add(h[0], -k), g[0] * h[1], g[0] * h[2]],
+            [g[1] * h[0], g[1].mul_add(h[1], -k), g[1] * h[2]],
+            [g[2] * h[0], g[2] * h[1], g[2].mul_add(h[2], -k)],
+        ]
+    }
+
+    /// The same three rows without the structure.
+    #[inline(always)]
+    pub fn expand(&self, dcm: &Mat3<T>) -> Linearization<T, 3> {
+        let body = self.d_body_position();
+        let o = T::zero();
+        let sqrt_information = match self.weight {
+            Weight::Scalar(w) => {
+                let s = w.sqrt();
+                [[s, o, o], [o, s, o], [o, o, s]]
+            }
+            Weight::Full(s) => s,
+        };
+        Linearization {
+            innovation: self.innovation,
+            d_position: [
+                rotate_transposed(dcm, body[0]),
+                rotate_transposed(dcm, body[1]),
+                rotate_transposed(dcm, body[2]),
+            ],
+            d_velocity: [[o; 3]; 3],
+            d_attitude: skew(self.predicted),
+            sqrt_information,
+        }
+    }
+}
+
+/// Consumes linearisations.
+pub trait Sink<T: Real> {
+    /// Takes `M` rows.
+    fn add<const M: usize>(&mut self, rows: &Linearization<T, M>);
+
+    /// Takes a direction; override it to use the structure.
+    #[inline(always)]
+    fn add_direction(&mut self, direction: &Direction<T>, dcm: &Mat3<T>) {
+        self.add(&direction.expand(dcm));
+    }
+}

@@ -1,0 +1,5 @@
+//! Physical models: what is measured, how the state moves, and the one linearisation they share.
+pub mod dynamics;
+pub mod kinematics;
+pub mod linearization;
+pub mod sensors;
