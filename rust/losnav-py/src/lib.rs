@@ -1,5 +1,27 @@
-//! Private engine of the Python package `losnav`.
-use pyo3::prelude::*;
+//! Private engine of the Python package `losnav`: functions over arrays and a few result objects.
+//!
+//! Public names, docstrings and defaults live in Python; here every argument is taken.
+mod convert;
+mod errors;
+mod inputs;
+mod los;
+mod pose;
+mod solution;
 
-#[pymodule(gil_used = false)]
-mod _core {}
+/// The module `losnav._core`.
+#[pyo3::pymodule(gil_used = false)]
+mod _core {
+    use pyo3::prelude::*;
+
+    #[pymodule_export]
+    use crate::los::{fisher_information, los_jacobian, predict_los};
+    #[pymodule_export]
+    use crate::pose::solve_pose;
+    #[pymodule_export]
+    use crate::solution::PoseSolution;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}

@@ -1,1 +1,2 @@
 //! What can be known, without estimating it.
+pub mod fisher;

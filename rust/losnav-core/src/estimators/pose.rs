@@ -78,3 +78,12 @@ impl<T: Real, L: Loss> PoseObjective<T> for LosObjective<'_, T, L> {
         total
     }
 }
+
+impl<L: Loss> LosObjective<'_, f64, L> {
+    /// `Σ eᵀ W e`, whatever the loss.
+    #[must_use]
+    pub fn chi2(&self, pose: &PoseState<f64>) -> f64 {
+        let x = Kinematics::at_rest(pose.position, pose.attitude);
+        self.directions(&x).map(|block| block.squared_residual()).sum()
+    }
+}

@@ -8,7 +8,7 @@
 //!
 //! so a sink may accumulate straight from them; one that does not care receives the expanded rows.
 use crate::math::real::Real;
-use crate::math::vec3::{Mat3, Vec3, rotate_transposed, skew};
+use crate::math::vec3::{Mat3, Vec3, dot, rotate, rotate_transposed, skew};
 
 /// `M` measurement rows: `y ≈ H δ`, `δ = [δp, δv, δα]` true minus estimate, weight `SᵀS`.
 #[derive(Clone, Copy, Debug)]
@@ -58,6 +58,18 @@ impl<T: Real> Direction<T> {
             [g[1] * h[0], g[1].mul_add(h[1], -k), g[1] * h[2]],
             [g[2] * h[0], g[2] * h[1], g[2].mul_add(h[2], -k)],
         ]
+    }
+
+    /// `eᵀ W e`.
+    #[inline(always)]
+    pub fn squared_residual(&self) -> T {
+        match self.weight {
+            Weight::Scalar(w) => w * dot(self.innovation, self.innovation),
+            Weight::Full(s) => {
+                let y = rotate(&s, self.innovation);
+                dot(y, y)
+            }
+        }
     }
 
     /// The same three rows without the structure.

@@ -1,0 +1,33 @@
+"""Line-of-sight navigation: where am I, how am I oriented, and how well can I know it."""
+
+from losnav._core import __version__
+from losnav.errors import (
+    DegenerateGeometryError,
+    InvalidInputError,
+    LosnavError,
+    NumericalError,
+    UnobservableError,
+)
+from losnav.pose import (
+    PoseSolution,
+    Termination,
+    fisher_information,
+    los_jacobian,
+    predict_los,
+    solve_pose,
+)
+
+__all__ = [
+    "DegenerateGeometryError",
+    "InvalidInputError",
+    "LosnavError",
+    "NumericalError",
+    "PoseSolution",
+    "Termination",
+    "UnobservableError",
+    "__version__",
+    "fisher_information",
+    "los_jacobian",
+    "predict_los",
+    "solve_pose",
+]

@@ -1,0 +1,307 @@
+"""Pose from lines of sight: where am I, how am I oriented, and how well do these directions tell.
+
+A direction is the unit vector from the observer to a landmark in body (camera) axes,
+``b = dcm @ (L - p) / |L - p|``; it may point anywhere, behind the camera too.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from losnav import _core
+from losnav._arrays import ArrayLike, FloatArray, as_float64, broadcast, matrices, points, vectors
+from losnav._core import PoseSolution
+
+if TYPE_CHECKING:
+    from typing import TypeAlias
+
+__all__ = [
+    "PoseSolution",
+    "Termination",
+    "fisher_information",
+    "los_jacobian",
+    "predict_los",
+    "solve_pose",
+]
+
+Method: TypeAlias = Literal["lm", "gauss-newton"]
+Parametrization: TypeAlias = Literal["rotation", "mrp"]
+Loss: TypeAlias = Literal["squared", "huber", "cauchy", "tukey", "geman-mcclure"]
+OnError: TypeAlias = Literal["raise", "nan"]
+
+
+class Termination(IntEnum):
+    """Why an iteration stopped. A reason, not a verdict: the verdict is ``PoseSolution.converged``."""
+
+    GRADIENT = 0
+    """The gradient vanishes to rounding."""
+    STEP = 1
+    """The step is below ``step_tolerance``."""
+    COST = 2
+    """The decrease of the cost is below ``cost_tolerance``."""
+    MAX_ITERATIONS = 3
+    """``max_iterations`` are used up."""
+    DAMPING_EXHAUSTED = 4
+    """No damping makes the cost fall."""
+    SINGULAR = 5
+    """The normal equations are singular (Gauss-Newton)."""
+    NON_FINITE = 6
+    """A number became infinite or NaN, or the problem was invalid under ``on_error="nan"``."""
+
+
+TERMINATIONS = tuple(Termination)
+
+
+def predict_los(landmarks: ArrayLike, position: ArrayLike, mrp: ArrayLike) -> FloatArray:
+    """Directions to the landmarks, ``b = dcm(mrp) @ (L - p) / |L - p|`` (equations 4, 7).
+
+    Parameters
+    ----------
+    landmarks : (N, 3) or (..., N, 3)
+        Landmarks in the reference frame, m.
+    position : (..., 3)
+        Observer in the reference frame, m.
+    mrp : (..., 3)
+        Modified Rodrigues parameters of the body in the reference frame, either shadow set.
+
+    Returns
+    -------
+    (..., N, 3)
+        Unit vectors in body axes.
+
+    Raises
+    ------
+    InvalidInputError
+        On wrong shapes, NaN or infinity, or an observer on a landmark.
+
+    Examples
+    --------
+    >>> import losnav as ln
+    >>> ln.predict_los([[0.0, 0.0, 10.0]], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0])
+    array([[0., 0., 1.]])
+    """
+    shape, (flat, p, s) = _observers(landmarks, position, mrp)
+    return np.asarray(_core.predict_los(flat, p, s)).reshape((*shape, flat.shape[-2], 3))
+
+
+def los_jacobian(landmarks: ArrayLike, position: ArrayLike, mrp: ArrayLike) -> FloatArray:
+    """Jacobian of :func:`predict_los` with columns ``[p, mrp]`` (equations 6, 11, 12).
+
+    The MRP columns are those of the parameters as given: no switch to the shadow set.
+
+    Parameters
+    ----------
+    landmarks, position, mrp
+        As for :func:`predict_los`.
+
+    Returns
+    -------
+    (..., N, 3, 6)
+        Position columns in 1/m, MRP columns dimensionless.
+
+    Raises
+    ------
+    InvalidInputError
+        As :func:`predict_los`.
+
+    Examples
+    --------
+    >>> import losnav as ln
+    >>> ln.los_jacobian([[0.0, 0.0, 10.0]], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]).shape
+    (1, 3, 6)
+    """
+    shape, (flat, p, s) = _observers(landmarks, position, mrp)
+    return np.asarray(_core.los_jacobian(flat, p, s)).reshape((*shape, flat.shape[-2], 3, 6))
+
+
+def fisher_information(
+    landmarks: ArrayLike,
+    position: ArrayLike,
+    mrp: ArrayLike,
+    sigma: ArrayLike = 1.0,
+    *,
+    covariance: ArrayLike | None = None,
+) -> FloatArray:
+    """Fisher information about ``[dp, dalpha]`` (equations 38, 40); its inverse bounds every unbiased estimator.
+
+    Parameters
+    ----------
+    landmarks, position, mrp
+        As for :func:`predict_los`.
+    sigma : scalar, (N,) or (..., N)
+        1-sigma noise of each direction, rad per axis.
+    covariance : (..., N, 3, 3), optional
+        Covariance of each direction in body axes, rad^2, instead of ``sigma``; rank 2 with the null space along
+        the line of sight is welcome (see :mod:`losnav.noise`).
+
+    Returns
+    -------
+    (..., 6, 6)
+        Position in the reference frame (1/m^2), attitude in body axes (1/rad^2). Singular where the pose is
+        unobservable: that is an answer here, not an error.
+
+    Raises
+    ------
+    InvalidInputError
+        On bad arguments.
+
+    Examples
+    --------
+    >>> import numpy as np, losnav as ln
+    >>> ring = [[30.0, 0.0, 0.0], [0.0, 30.0, 0.0], [-30.0, 0.0, 0.0], [0.0, -30.0, 0.0]]
+    >>> information = ln.fisher_information(ring, [0.0, 0.0, 500.0], [0.0, 0.0, 0.0], 2e-5)
+    >>> sigma = np.sqrt(np.diag(np.linalg.inv(information)))
+    >>> sigma[2].round(3)  # height: sigma h^2 / (2 r), m
+    0.083
+    """
+    shape, (flat, p, s) = _observers(landmarks, position, mrp)
+    predicted = np.asarray(_core.predict_los(flat, p, s))
+    pose = np.concatenate([p, s], axis=-1)
+    noise = as_float64(sigma, "sigma")
+    if covariance is not None:
+        noise, full = np.asarray(1.0), matrices(covariance, "covariance")
+    else:
+        full = None
+    lead = noise.shape[:-1] if full is None else full.shape[:-3]
+    if np.broadcast_shapes(shape, lead) != shape:
+        return fisher_information(
+            landmarks, np.broadcast_to(position, (*lead, 3)), mrp, sigma, covariance=covariance
+        )
+    if noise.ndim > 1:
+        noise = np.broadcast_to(noise, (*shape, noise.shape[-1])).reshape(-1, noise.shape[-1])
+    if full is not None and full.ndim > 3:
+        full = np.broadcast_to(full, (*shape, *full.shape[-3:])).reshape(-1, *full.shape[-3:])
+    information = np.asarray(_core.fisher_information(flat, predicted, noise, full, pose))
+    return information.reshape((*shape, 6, 6))
+
+
+def solve_pose(
+    landmarks: ArrayLike,
+    los: ArrayLike,
+    *,
+    sigma: ArrayLike = 1.0,
+    covariance: ArrayLike | None = None,
+    guess: ArrayLike | None = None,
+    method: Method = "lm",
+    parametrization: Parametrization = "rotation",
+    loss: Loss = "squared",
+    loss_scale: float | None = None,
+    damping: float = 1e-3,
+    max_iterations: int = 50,
+    cost_tolerance: float = 1e-12,
+    step_tolerance: float = 1e-12,
+    on_error: OnError = "raise",
+) -> PoseSolution:
+    """Position and attitude from directions to known landmarks, with covariance and observability.
+
+    Minimises ``1/2 sum rho((b - h)' W (b - h))`` (equation 13) over position and attitude. Leading dimensions
+    broadcast; a batch runs on all cores without the GIL.
+
+    Parameters
+    ----------
+    landmarks : (N, 3) or (..., N, 3)
+        At least three distinct landmarks in the reference frame, m.
+    los : (..., N, 3)
+        Measured unit vectors in body (camera) axes; norms off by up to 0.01 are normalised.
+    sigma : scalar, (N,) or (..., N)
+        1-sigma noise of each direction, rad per axis. With the default the estimate is the same but covariance
+        and chi2 are in units of an unknown noise.
+    covariance : (..., N, 3, 3), optional
+        Covariance of each direction in body axes, rad^2, instead of ``sigma``; rank 2 with the null space along
+        the line of sight is welcome (see :mod:`losnav.noise`).
+    guess : (..., 6), optional
+        Start ``[p, mrp]``. Without it all minimal-solver candidates are polished and ranked, so no start is needed.
+    method : {"lm", "gauss-newton"}
+        Levenberg-Marquardt with gain ratio, or Gauss-Newton (the paper's GLSDC).
+    parametrization : {"rotation", "mrp"}
+        Step a small rotation on the manifold, or add to the MRP as the paper does.
+    loss : {"squared", "huber", "cauchy", "tukey", "geman-mcclure"}
+        Loss of one direction's residual.
+    loss_scale : float, optional
+        Residual, in sigma, at which the loss starts to forgive; each loss has its usual default.
+    damping : float
+        First Levenberg-Marquardt damping, relative to the diagonal of the normal equations.
+    max_iterations : int
+        Bound on trial steps, rejected ones included.
+    cost_tolerance : float
+        Stop when the cost falls, or is predicted to fall, by less than this part of itself (equation 24).
+    step_tolerance : float
+        Stop when the step is smaller than this, rad (position in units of the range).
+    on_error : {"raise", "nan"}
+        What an invalid problem does: raise, or become NaN and leave the rest of the batch alone.
+
+    Returns
+    -------
+    PoseSolution
+        Check ``converged``: not converging is a value, not an exception.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the argument, the index and the rule broken.
+
+    Examples
+    --------
+    >>> import losnav as ln
+    >>> landmarks = [[32.5, 0, 0], [0, 30, 0], [-31.5, 0, 0], [0, -30.5, 0]]
+    >>> los = ln.predict_los(landmarks, [-50, 50, 500], [0.09, -0.04, 0.03])
+    >>> solution = ln.solve_pose(landmarks, los, sigma=2e-5)
+    >>> solution.position.round(6), bool(solution.converged)
+    (array([-50.,  50., 500.]), True)
+    """
+    return _core.solve_pose(
+        landmarks,
+        los,
+        sigma,
+        covariance,
+        guess,
+        method,
+        parametrization,
+        loss,
+        loss_scale,
+        damping,
+        max_iterations,
+        cost_tolerance,
+        step_tolerance,
+        on_error,
+    )
+
+
+def describe(solution: PoseSolution) -> str:
+    """One line on a pose solution: the text of its ``repr``."""
+    if np.ndim(solution.converged):
+        converged = np.asarray(solution.converged)
+        return f"PoseSolution(shape={converged.shape}, converged {int(converged.sum())} of {converged.size})"
+    deviation = np.sqrt(np.diag(solution.covariance))
+    position = ", ".join(f"{x:.6g} ± {s:.2g}" for x, s in zip(solution.position, deviation[:3], strict=True))
+    attitude = ", ".join(
+        f"{x:.6f} ± {s:.2g}°" for x, s in zip(solution.mrp, np.degrees(deviation[3:]), strict=True)
+    )
+    return (
+        f"PoseSolution(position=[{position}] m, mrp=[{attitude}], chi2={solution.chi2:.4g} for {solution.dof} dof, "
+        f"{solution.iterations} iterations, {Termination(solution.termination).name}, converged={solution.converged})"
+    )
+
+
+def _observers(
+    landmarks: ArrayLike, position: ArrayLike, mrp: ArrayLike
+) -> tuple[tuple[int, ...], tuple[FloatArray, FloatArray, FloatArray]]:
+    """Batch shape and flat ``(1 or B, N, 3)``, ``(B, 3)``, ``(B, 3)``; refuses an observer on a landmark."""
+    marks, p, s = vectors(landmarks, "landmarks"), vectors(position, "position"), vectors(mrp, "mrp")
+    if marks.ndim == 2:
+        marks = points(marks, "landmarks")
+        shape, (p, s) = broadcast(("position", p, 1), ("mrp", s, 1))
+        marks = marks[np.newaxis]
+    else:
+        shape, (marks, p, s) = broadcast(("landmarks", marks, 2), ("position", p, 1), ("mrp", s, 1))
+    hit = (marks == p[:, np.newaxis, :]).all(axis=-1)
+    if hit.any():
+        problem, index = (int(i) for i in np.argwhere(hit)[0])
+        where = f" (problem {problem} of the batch)" if shape else ""
+        from losnav.errors import InvalidInputError
+
+        raise InvalidInputError(f"position: stands on landmarks[{index}], whose direction is undefined{where}")
+    return shape, (marks, p, s)

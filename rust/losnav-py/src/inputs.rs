@@ -1,0 +1,432 @@
+//! The arguments of a pose solve: shapes, broadcasting, values. Slices that threads may share.
+use losnav_core::models::linearization::Weight;
+use nalgebra::{Cholesky, Matrix3, Vector3};
+use pyo3::prelude::*;
+
+use crate::convert::{Floats, ScalarOrArray};
+use crate::errors::{BadValue, InvalidInputError, shape_error};
+
+/// A direction may carry unnormalised isotropic noise; see `losnav._arrays.UNIT_TOLERANCE`.
+const UNIT_TOLERANCE: f64 = 1e-2;
+/// Within this the direction is used as it is.
+const UNIT_EXACT: f64 = 1e-15;
+
+/// Noise as the caller gave it.
+pub enum NoiseArgument<'py> {
+    /// `sigma`.
+    Sigma(ScalarOrArray<'py>),
+    /// `covariance`.
+    Covariance(Floats<'py>),
+}
+
+/// The arguments, arrays kept alive.
+pub struct Arguments<'py> {
+    landmarks: Floats<'py>,
+    los: Floats<'py>,
+    noise: NoiseArgument<'py>,
+    guess: Option<Floats<'py>>,
+}
+
+impl<'py> Arguments<'py> {
+    /// Reads the arrays.
+    pub fn new(
+        landmarks: &Bound<'py, PyAny>,
+        los: &Bound<'py, PyAny>,
+        sigma: &Bound<'py, PyAny>,
+        covariance: Option<&Bound<'py, PyAny>>,
+        guess: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Self> {
+        let noise = match covariance {
+            Some(value) => NoiseArgument::Covariance(Floats::new(value, "covariance")?),
+            None => NoiseArgument::Sigma(ScalarOrArray::new(sigma, "sigma")?),
+        };
+        Ok(Self {
+            landmarks: Floats::new(landmarks, "landmarks")?,
+            los: Floats::new(los, "los")?,
+            noise,
+            guess: guess.map(|value| Floats::new(value, "guess")).transpose()?,
+        })
+    }
+
+    /// Checks the shapes and lays the problems out.
+    pub fn problems(&self, minimum: usize) -> PyResult<Problems<'_>> {
+        let landmarks = Part::new("landmarks", "(N, 3) or (..., N, 3)", &self.landmarks, &[None, Some(3)])?;
+        let n = landmarks.core[0];
+        let los = Part::new("los", "(..., N, 3)", &self.los, &[None, Some(3)])?;
+        if los.core[0] != n {
+            return Err(InvalidInputError::new_err(format!(
+                "los: expected one direction for each of the {n} landmarks, got {}",
+                los.core[0]
+            )));
+        }
+        if n < minimum {
+            return Err(InvalidInputError::new_err(format!(
+                "landmarks: expected at least {minimum} landmarks, got {n}"
+            )));
+        }
+        let noise = match &self.noise {
+            NoiseArgument::Sigma(ScalarOrArray::Scalar(sigma)) => Err(*sigma),
+            NoiseArgument::Sigma(ScalarOrArray::Array(a)) => {
+                Ok(Part::new("sigma", &format!("scalar, ({n},) or (..., {n})"), a, &[Some(n)])?)
+            }
+            NoiseArgument::Covariance(a) => {
+                Ok(Part::new("covariance", &format!("(..., {n}, 3, 3)"), a, &[Some(n), Some(3), Some(3)])?)
+            }
+        };
+        let guess = match &self.guess {
+            Some(a) => Some(Part::new("guess", "(..., 6)", a, &[Some(6)])?),
+            None => None,
+        };
+        let mut shape = Vec::new();
+        for part in [Some(&landmarks), Some(&los), noise.as_ref().ok(), guess.as_ref()].into_iter().flatten()
+        {
+            broadcast_into(&mut shape, part.lead, part.name)?;
+        }
+        let single = shape.is_empty();
+        let count = shape.iter().product();
+        let full = matches!(self.noise, NoiseArgument::Covariance(_));
+        Ok(Problems {
+            n,
+            count,
+            single,
+            landmarks: landmarks.rows(&shape),
+            los: los.rows(&shape),
+            noise: match noise {
+                Err(sigma) => Noise::Common(sigma),
+                Ok(part) if full => Noise::Covariance(part.rows(&shape)),
+                Ok(part) => Noise::Sigma(part.rows(&shape)),
+            },
+            guess: guess.map(|part| part.rows(&shape)),
+            landmark_shape: self.landmarks.shape(),
+            shape,
+        })
+    }
+}
+
+/// One argument: leading dimensions and core.
+struct Part<'a> {
+    name: &'static str,
+    lead: &'a [usize],
+    core: &'a [usize],
+    data: &'a [f64],
+}
+
+impl<'a> Part<'a> {
+    fn new(
+        name: &'static str,
+        expected: &str,
+        array: &'a Floats<'_>,
+        core: &[Option<usize>],
+    ) -> PyResult<Self> {
+        let shape = array.shape();
+        let error = || shape_error(name, expected, shape);
+        let split = shape.len().checked_sub(core.len()).ok_or_else(error)?;
+        let (lead, tail) = shape.split_at(split);
+        if tail.iter().zip(core).any(|(got, want)| want.is_some_and(|want| want != *got)) {
+            return Err(error());
+        }
+        Ok(Self { name, lead, core: tail, data: array.data() })
+    }
+
+    fn rows(&self, shape: &[usize]) -> Rows<'a> {
+        let size = self.core.iter().product();
+        let offsets = if self.lead.iter().all(|d| *d == 1) {
+            Offsets::Shared
+        } else if self.lead == shape {
+            Offsets::Each
+        } else {
+            Offsets::Table(broadcast_table(self.lead, shape))
+        };
+        Rows { data: self.data, size, offsets }
+    }
+}
+
+fn broadcast_into(shape: &mut Vec<usize>, lead: &[usize], name: &str) -> PyResult<()> {
+    while shape.len() < lead.len() {
+        shape.insert(0, 1);
+    }
+    let skip = shape.len() - lead.len();
+    for (have, want) in shape[skip..].iter_mut().zip(lead) {
+        if *have == 1 {
+            *have = *want;
+        } else if *want != 1 && want != have {
+            return Err(InvalidInputError::new_err(format!(
+                "{name}: leading dimensions {lead:?} do not broadcast with those of the other arguments"
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Which row of an array of leading shape `lead` serves each problem of the batch.
+fn broadcast_table(lead: &[usize], shape: &[usize]) -> Vec<usize> {
+    let count = shape.iter().product();
+    let skip = shape.len() - lead.len();
+    let row = |problem: usize| {
+        let (mut rest, mut stride, mut row) = (problem, 1, 0);
+        for axis in (0..shape.len()).rev() {
+            let index = rest % shape[axis];
+            rest /= shape[axis];
+            if axis >= skip {
+                let extent = lead[axis - skip];
+                row += if extent == 1 { 0 } else { index * stride };
+                stride *= extent;
+            }
+        }
+        row
+    };
+    (0..count).map(row).collect()
+}
+
+enum Offsets {
+    Shared,
+    Each,
+    Table(Vec<usize>),
+}
+
+/// The rows of one argument, one for each problem.
+pub struct Rows<'a> {
+    data: &'a [f64],
+    size: usize,
+    offsets: Offsets,
+}
+
+impl<'a> Rows<'a> {
+    /// Numbers of one problem.
+    #[inline]
+    pub fn of(&self, problem: usize) -> &'a [f64] {
+        let row = match &self.offsets {
+            Offsets::Shared => 0,
+            Offsets::Each => problem,
+            Offsets::Table(table) => table.get(problem).copied().unwrap_or(0),
+        };
+        self.data.get(row * self.size..(row + 1) * self.size).unwrap_or(&[])
+    }
+
+    /// Does one row serve every problem?
+    pub fn shared(&self) -> bool {
+        matches!(self.offsets, Offsets::Shared)
+    }
+}
+
+/// Noise of the directions.
+pub enum Noise<'a> {
+    /// One standard deviation for all.
+    Common(f64),
+    /// One per landmark.
+    Sigma(Rows<'a>),
+    /// A 3×3 covariance per landmark.
+    Covariance(Rows<'a>),
+}
+
+/// Every problem of a call.
+pub struct Problems<'a> {
+    /// Landmarks in each.
+    pub n: usize,
+    /// How many problems.
+    pub count: usize,
+    /// No leading dimension at all.
+    pub single: bool,
+    /// Leading dimensions.
+    pub shape: Vec<usize>,
+    /// `(N, 3)` each.
+    pub landmarks: Rows<'a>,
+    /// `(N, 3)` each.
+    pub los: Rows<'a>,
+    /// Noise.
+    pub noise: Noise<'a>,
+    /// `(6,)` each.
+    pub guess: Option<Rows<'a>>,
+    /// Shape of the landmark argument.
+    pub landmark_shape: &'a [usize],
+}
+
+/// One problem, values checked, directions normalised.
+pub struct Problem<'a> {
+    /// `(N, 3)`, reference frame.
+    pub landmarks: &'a [[f64; 3]],
+    /// `(N, 3)`, unit.
+    pub los: &'a [[f64; 3]],
+    /// One for each direction, or one for all.
+    pub weights: &'a [Weight<f64>],
+    /// `[p, mrp]`.
+    pub guess: Option<[f64; 6]>,
+}
+
+/// Room for what a problem needs beyond the arguments' memory; reused from one problem to the next.
+#[derive(Default)]
+pub struct Scratch {
+    los: Vec<[f64; 3]>,
+    weights: Vec<Weight<f64>>,
+    seen: Vec<u32>,
+}
+
+impl<'a> Problems<'a> {
+    /// Checks problem `k` and gives it in the solver's form.
+    pub fn get<'s>(&'s self, k: usize, scratch: &'s mut Scratch) -> Result<Problem<'s>, BadValue> {
+        let landmarks = triples(self.landmarks.of(k));
+        let los = triples(self.los.of(k));
+        let Scratch { los: unit, weights, seen } = scratch;
+        check_finite("landmarks", landmarks)?;
+        check_distinct(landmarks, seen)?;
+        let los = check_unit(los, unit)?;
+        weights.clear();
+        match &self.noise {
+            Noise::Common(sigma) => weights.push(scalar_weight(*sigma, 0)?),
+            Noise::Sigma(rows) => {
+                for (row, sigma) in rows.of(k).iter().enumerate() {
+                    weights.push(scalar_weight(*sigma, row)?);
+                }
+            }
+            Noise::Covariance(rows) => {
+                for (row, (entries, b)) in rows.of(k).as_chunks::<9>().0.iter().zip(los).enumerate() {
+                    weights.push(full_weight(entries, b, row)?);
+                }
+            }
+        }
+        let guess = match &self.guess {
+            None => None,
+            Some(rows) => Some(check_guess(rows.of(k))?),
+        };
+        Ok(Problem { landmarks, los, weights, guess })
+    }
+
+    /// The landmarks of all problems, as the solution keeps them.
+    pub fn landmark_data(&self) -> &'a [f64] {
+        self.landmarks.data
+    }
+}
+
+fn triples(data: &[f64]) -> &[[f64; 3]] {
+    data.as_chunks::<3>().0
+}
+
+fn check_finite(argument: &'static str, rows: &[[f64; 3]]) -> Result<(), BadValue> {
+    // Half the largest number keeps sums of squares of differences out of infinity's way for honest scenes only;
+    // what matters here is NaN and infinity, which survive this sum.
+    let mut probe = 0.0;
+    for [x, y, z] in rows {
+        probe += (x * 0.0 + y * 0.0) + z * 0.0;
+    }
+    if probe == 0.0 {
+        return Ok(());
+    }
+    for (row, values) in rows.iter().enumerate() {
+        for (column, &value) in values.iter().enumerate() {
+            if !value.is_finite() {
+                return Err(BadValue::NotFinite { argument, row, column, value });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Unit vectors: the caller's memory if they are exact, a normalised copy otherwise.
+fn check_unit<'s>(los: &'s [[f64; 3]], copy: &'s mut Vec<[f64; 3]>) -> Result<&'s [[f64; 3]], BadValue> {
+    let mut worst = 0.0_f64;
+    for [x, y, z] in los {
+        let off = (x * x + y * y + z * z - 1.0).abs();
+        // `max` drops NaN, this keeps it.
+        worst = if off <= worst { worst } else { off };
+    }
+    if worst <= UNIT_EXACT {
+        return Ok(los);
+    }
+    copy.clear();
+    for (row, b) in los.iter().enumerate() {
+        let [x, y, z] = *b;
+        let norm = (x * x + y * y + z * z).sqrt();
+        if !((norm - 1.0).abs() <= UNIT_TOLERANCE) {
+            check_finite("los", &los[row..=row]).map_err(|error| match error {
+                BadValue::NotFinite { argument, column, value, .. } => {
+                    BadValue::NotFinite { argument, row, column, value }
+                }
+                other => other,
+            })?;
+            return Err(BadValue::NotUnit { argument: "los", row, norm });
+        }
+        copy.push([x / norm, y / norm, z / norm]);
+    }
+    Ok(copy)
+}
+
+fn check_guess(values: &[f64]) -> Result<[f64; 6], BadValue> {
+    let mut guess = [0.0; 6];
+    for (column, (out, &value)) in guess.iter_mut().zip(values).enumerate() {
+        if !value.is_finite() {
+            return Err(BadValue::NotFinite { argument: "guess", row: 0, column, value });
+        }
+        *out = value;
+    }
+    Ok(guess)
+}
+
+fn scalar_weight(sigma: f64, row: usize) -> Result<Weight<f64>, BadValue> {
+    let weight = 1.0 / (sigma * sigma);
+    if sigma > 0.0 && weight.is_finite() && weight > 0.0 {
+        Ok(Weight::Scalar(weight))
+    } else {
+        Err(BadValue::NotPositive { argument: "sigma", row, value: sigma })
+    }
+}
+
+/// `S` with `SᵀS = R⁻¹`. A covariance of rank 2 with its null space along the direction (tangent-plane noise) gets
+/// `½ tr R` there: to first order that component of the residual is zero, so any weight serves.
+fn full_weight(entries: &[f64; 9], los: &[f64; 3], row: usize) -> Result<Weight<f64>, BadValue> {
+    let error = BadValue::NotCovariance { argument: "covariance", row };
+    let given = Matrix3::from_row_slice(entries);
+    let trace = given.trace();
+    if !(trace.is_finite() && trace > 0.0) || (given - given.transpose()).amax() > 1e-9 * trace {
+        return Err(error);
+    }
+    let scaled = given.symmetric_part() / trace;
+    let b = Vector3::from(*los);
+    let along = (scaled * b).norm();
+    // A null space along the measured direction: what b'R b is for a direction a few sigma off still counts as zero.
+    let regular =
+        if along < 1e-2 && b.dot(&(scaled * b)) < 1e-3 { scaled + 0.5 * b * b.transpose() } else { scaled };
+    let factor = Cholesky::new(regular).ok_or(error)?;
+    let lower = factor.l();
+    if lower.diagonal().min() < 1e-7 {
+        return Err(error);
+    }
+    let inverse = lower.try_inverse().ok_or(error)? / trace.sqrt();
+    let rows = [0, 1, 2].map(|i| [inverse[(i, 0)], inverse[(i, 1)], inverse[(i, 2)]]);
+    Ok(Weight::Full(rows))
+}
+
+/// No two landmarks in one place: pairwise for a few, through a hash table for many.
+fn check_distinct(landmarks: &[[f64; 3]], seen: &mut Vec<u32>) -> Result<(), BadValue> {
+    if landmarks.len() <= 16 {
+        for (second, b) in landmarks.iter().enumerate() {
+            for (first, a) in landmarks[..second].iter().enumerate() {
+                if a == b {
+                    return Err(BadValue::Duplicate { first, second });
+                }
+            }
+        }
+        return Ok(());
+    }
+    let size = (4 * landmarks.len()).next_power_of_two();
+    seen.clear();
+    seen.resize(size, u32::MAX);
+    for (second, b) in landmarks.iter().enumerate() {
+        // Adding zero makes −0 and 0 the same bits, as they are the same place.
+        let bits = b.map(|c| (c + 0.0).to_bits());
+        let mixed = (bits[0].wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ bits[1].rotate_left(29))
+            .wrapping_mul(0xBF58_476D_1CE4_E5B9)
+            ^ bits[2].wrapping_mul(0x94D0_49BB_1331_11EB);
+        let mut slot = (mixed >> 20) as usize & (size - 1);
+        while let Some(&first) = seen.get(slot) {
+            if first == u32::MAX {
+                break;
+            }
+            if landmarks.get(first as usize) == Some(b) {
+                return Err(BadValue::Duplicate { first: first as usize, second });
+            }
+            slot = (slot + 1) & (size - 1);
+        }
+        seen[slot] = second as u32;
+    }
+    Ok(())
+}
