@@ -30,6 +30,8 @@ const CONVERGED_DECREASE: f64 = 1e-6;
 const DAMPING_MAX: f64 = 1e12;
 /// Damping below this is rounding.
 const DAMPING_MIN: f64 = 1e-15;
+/// Damping a rejected trial jumps to at least: smaller values change the step of hardly any scene.
+const DAMPING_FELT: f64 = 1e-5;
 /// A trial is accepted if at least this part of the predicted decrease is real.
 const GAIN_ACCEPT: f64 = 1e-4;
 
@@ -275,11 +277,15 @@ impl<T: Real> Iterate<T> {
         let accepted = self.active.and(usable).and(T::splat(GAIN_ACCEPT).lt(gain));
         // Nearly as good as promised: less damping; poor or worse than before: more; unusable: much more at once.
         let more = T::splat(10.0) * self.damping;
-        let less = (T::splat(0.1) * self.damping).max(T::splat(DAMPING_MIN));
+        // Nearly exact prediction: the damping only delays, so it falls with the square of the surprise.
+        let surprise = (T::one() - gain).abs();
+        let trust = (T::splat(4.0) * surprise * surprise).max(T::splat(1e-4));
+        let factor = T::select(trust.lt(T::splat(0.1)), trust, T::splat(0.1));
+        let less = (factor * self.damping).max(T::splat(DAMPING_MIN));
         let fair = T::select(T::splat(0.25).lt(gain), self.damping, more);
         let accepted_damping = T::select(T::splat(0.75).lt(gain), less, fair);
-        let much_more = (T::splat(100.0) * self.damping).max(T::splat(1e-9));
-        let rejected_damping = T::select(usable, more, much_more);
+        let much_more = (T::splat(100.0) * self.damping).max(T::splat(DAMPING_FELT));
+        let rejected_damping = T::select(usable, more.max(T::splat(DAMPING_FELT)), much_more);
         let next = T::select(accepted, accepted_damping, rejected_damping);
         self.damping = T::select(self.active, next, self.damping);
         self.take(accepted, step, trial, cost_tolerance, decrease);
