@@ -1,5 +1,6 @@
 //! Estimators: everything that turns linearisations into an estimate.
 pub mod least_squares;
 pub mod loss;
+pub mod minimal;
 pub mod normal_equations;
 pub mod pose;

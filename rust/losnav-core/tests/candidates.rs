@@ -1,0 +1,295 @@
+//! Guess-free starts: the global optimum is reached from one of the candidates, in every scene.
+#[path = "scenes/lm.rs"]
+mod lm;
+mod scenes;
+use lm::Cloud;
+use losnav_core::estimators::minimal::{Pose, candidates};
+use nalgebra::Vector3;
+use scenes::{Rng, Scene, observe, scene};
+
+/// Random starts of the reference beside the truth.
+const STARTS: usize = 40;
+
+#[derive(Default, Debug)]
+struct Tally {
+    scenes: usize,
+    failed: usize,
+    far: usize,
+    count: usize,
+    iterations: usize,
+    slow: usize,
+    first: usize,
+}
+
+/// Lowest minimum over many random starts and the truth. A creep into a landmark, whose direction can then be chosen freely, has none.
+fn multistart(rng: &mut Rng, cloud: &Cloud, s: &Scene, starts: usize) -> f64 {
+    let (r, t) = cloud.start(&s.truth);
+    let mut best = cloud.polish(r, t, 200).0;
+    let mean = cloud.los.iter().sum::<Vector3<f64>>().normalize();
+    for _ in 0..starts {
+        let r = rng.rotation();
+        let t = mean * s.depth * 2f64.powf(rng.between(-1.0, 1.0));
+        let (cost, r, t, _, _) = cloud.polish(r, t, 60);
+        if cost < best && cloud.in_front(&r, &t) && cloud.nearest(&r, &t) > 1e-3 * t.norm() {
+            best = cost;
+        }
+    }
+    best
+}
+
+fn check(t: &mut Tally, rng: &mut Rng, s: &Scene, sigma: f64, starts: usize) {
+    let cloud = Cloud::new(&s.landmarks, &s.los);
+    let global = multistart(rng, &cloud, s, starts);
+    let found = candidates(&s.landmarks, &s.los, |_| 1.0);
+    let mut best = f64::INFINITY;
+    for (k, pose) in found.iter().enumerate() {
+        let (r, tr) = cloud.start(pose);
+        let (cost, r, tr, it, done) = cloud.polish(r, tr, 200);
+        t.iterations += it;
+        if !done {
+            t.slow += 1;
+        }
+        if cloud.in_front(&r, &tr) && cost < best {
+            best = cost;
+        }
+        if k == 0 && cost <= global * (1.0 + 1e-6) + 1e-20 {
+            t.first += 1;
+        }
+    }
+    t.scenes += 1;
+    t.count += found.len();
+    if best.is_nan() || best > global * (1.0 + 1e-6) + 1e-20 {
+        t.failed += 1;
+        if std::env::var_os("VERBOSE").is_some() {
+            println!(
+                "  failed: n {} depth {:.1} sigma {sigma:.1e} best {best:.4e} global {global:.4e} candidates {}",
+                s.los.len(),
+                s.depth,
+                found.len()
+            );
+        }
+        if s.depth > 20.0 {
+            t.far += 1;
+        }
+    }
+}
+
+fn report(name: &str, t: &Tally) {
+    println!(
+        "{name}: {} scenes, failed {} ({} beyond depth 20), candidates {:.1}, polish iterations {:.1} each, not finished {}, first is best {:.3}",
+        t.scenes,
+        t.failed,
+        t.far,
+        t.count as f64 / t.scenes as f64,
+        t.iterations as f64 / t.count as f64,
+        t.slow,
+        t.first as f64 / t.scenes as f64
+    );
+}
+
+fn family(name: &str, seed: u64, n: usize, planar: bool, scenes_wanted: usize, starts: usize) -> usize {
+    let mut rng = Rng(seed);
+    let mut t = Tally::default();
+    for k in 0..scenes_wanted {
+        let (depth, sigma) = match k % 4 {
+            0 => (50.0, 1e-3),
+            1 => (50f64.powf(rng.uniform()), 1e-3),
+            2 => (50f64.powf(rng.uniform()), 10f64.powf(rng.between(-6.0, -3.0))),
+            _ => (50f64.powf(rng.uniform()), 0.0),
+        };
+        let s = scene(&mut rng, n, planar, depth, sigma);
+        check(&mut t, &mut rng, &s, sigma, starts);
+    }
+    report(name, &t);
+    t.failed
+}
+
+/// Scenes outside the plain families: `make` gives landmarks and the observer's position.
+fn odd_family(
+    name: &str,
+    seed: u64,
+    scenes_wanted: usize,
+    starts: usize,
+    mut make: impl FnMut(&mut Rng) -> (Vec<Vector3<f64>>, Vector3<f64>, f64),
+) -> usize {
+    let mut rng = Rng(seed);
+    let mut t = Tally::default();
+    for _ in 0..scenes_wanted {
+        let (landmarks, position, sigma) = make(&mut rng);
+        let truth = Pose { position, dcm: rng.rotation() };
+        let depth = position.norm();
+        let s = Scene { depth, ..observe(&mut rng, landmarks, truth, sigma) };
+        check(&mut t, &mut rng, &s, sigma, starts);
+    }
+    report(name, &t);
+    t.failed
+}
+
+fn box_cloud(rng: &mut Rng, n: usize, thickness: f64) -> Vec<Vector3<f64>> {
+    let frame = rng.rotation();
+    (0..n)
+        .map(|_| {
+            frame
+                * Vector3::new(
+                    rng.between(-1.0, 1.0),
+                    rng.between(-1.0, 1.0),
+                    thickness * rng.between(-1.0, 1.0),
+                )
+        })
+        .collect()
+}
+
+#[test]
+fn inside_the_cloud() {
+    assert_eq!(
+        odd_family("inside", 20, size(2000), STARTS, |rng| {
+            let n = 4 + (rng.bits() % 8) as usize;
+            (box_cloud(rng, n, 1.0), rng.vector() * 0.4, 1e-3 * rng.uniform())
+        }),
+        0
+    );
+}
+
+#[test]
+fn nearly_flat() {
+    assert_eq!(
+        odd_family("nearly flat", 21, size(2000), STARTS, |rng| {
+            let n = 4 + (rng.bits() % 8) as usize;
+            let thickness = 10f64.powf(rng.between(-4.0, -0.3));
+            let position = rng.vector().normalize() * 50f64.powf(rng.uniform());
+            (box_cloud(rng, n, thickness), position, 1e-3 * rng.uniform())
+        }),
+        0
+    );
+}
+
+#[test]
+fn nearly_straight() {
+    assert_eq!(
+        odd_family("nearly straight", 22, size(2000), STARTS, |rng| {
+            let n = 4 + (rng.bits() % 8) as usize;
+            let width = 10f64.powf(rng.between(-2.0, -0.3));
+            let frame = rng.rotation();
+            let cloud = (0..n)
+                .map(|_| {
+                    frame
+                        * Vector3::new(
+                            rng.between(-1.0, 1.0),
+                            width * rng.between(-1.0, 1.0),
+                            width * rng.between(-1.0, 1.0),
+                        )
+                })
+                .collect();
+            (cloud, rng.vector().normalize() * 20f64.powf(rng.uniform()), 1e-3 * rng.uniform())
+        }),
+        0
+    );
+}
+
+#[test]
+fn heavy_noise() {
+    assert_eq!(
+        odd_family("noise 1e-2", 23, size(2000), STARTS, |rng| {
+            let n = 4 + (rng.bits() % 5) as usize;
+            let thickness = if rng.uniform() < 0.5 { 0.0 } else { 1.0 };
+            (box_cloud(rng, n, thickness), rng.vector().normalize() * 10f64.powf(rng.uniform()), 1e-2)
+        }),
+        0
+    );
+}
+
+#[test]
+fn regular_rings() {
+    assert_eq!(
+        odd_family("regular rings", 24, size(2000), STARTS, |rng| {
+            let n = 4 + (rng.bits() % 5) as usize;
+            let ring = (0..n)
+                .map(|k| {
+                    let a = std::f64::consts::TAU * k as f64 / n as f64;
+                    Vector3::new(a.cos(), a.sin(), 0.0)
+                })
+                .collect();
+            let height = 50f64.powf(rng.uniform());
+            let aside = if rng.uniform() < 0.3 { 0.0 } else { 0.2 * height * rng.uniform() };
+            (
+                ring,
+                Vector3::new(aside, 0.0, height),
+                if rng.uniform() < 0.3 { 0.0 } else { 1e-3 * rng.uniform() },
+            )
+        }),
+        0
+    );
+}
+
+#[test]
+fn boxes_and_grazing_planes() {
+    assert_eq!(
+        odd_family("cube corners, grazing planes", 25, size(2000), STARTS, |rng| {
+            if rng.uniform() < 0.5 {
+                let corners = (0..8)
+                    .map(|k| Vector3::new((k & 1) as f64, (k >> 1 & 1) as f64, (k >> 2 & 1) as f64))
+                    .collect();
+                (corners, rng.vector().normalize() * 3.0 * 10f64.powf(rng.uniform()), 1e-3 * rng.uniform())
+            } else {
+                let n = 4 + (rng.bits() % 8) as usize;
+                let cloud = (0..n)
+                    .map(|_| Vector3::new(rng.between(-1.0, 1.0), rng.between(-1.0, 1.0), 0.0))
+                    .collect();
+                let away = 1.5 * 10f64.powf(rng.uniform());
+                (cloud, Vector3::new(away, 0.0, away * rng.between(0.02, 0.2)), 1e-3 * rng.uniform())
+            }
+        }),
+        0
+    );
+}
+
+fn size(default: usize) -> usize {
+    std::env::var("SCENES").ok().and_then(|v| v.parse().ok()).unwrap_or(default)
+}
+
+#[test]
+fn four_planar() {
+    assert_eq!(family("N=4 planar", 10, 4, true, size(2000), STARTS), 0);
+}
+#[test]
+fn four_general() {
+    assert_eq!(family("N=4 general", 11, 4, false, size(2000), STARTS), 0);
+}
+#[test]
+fn five() {
+    assert_eq!(family("N=5", 12, 5, false, size(2000), STARTS), 0);
+}
+#[test]
+fn eight() {
+    assert_eq!(family("N=8", 13, 8, false, size(2000), STARTS), 0);
+}
+#[test]
+fn eight_planar() {
+    assert_eq!(family("N=8 planar", 14, 8, true, size(2000), STARTS), 0);
+}
+#[test]
+fn fifty() {
+    assert_eq!(family("N=50", 15, 50, false, size(2000) / 4, STARTS), 0);
+}
+
+#[test]
+fn speed() {
+    for (n, planar) in [(3, true), (4, true), (4, false), (8, false), (50, false)] {
+        let mut rng = Rng(4);
+        let problems: Vec<_> = (0..200)
+            .map(|_| {
+                let d = rng.between(2.0, 20.0);
+                scene(&mut rng, n, planar, d, 1e-4)
+            })
+            .collect();
+        let mut best = f64::INFINITY;
+        for _ in 0..20 {
+            let start = std::time::Instant::now();
+            for s in &problems {
+                std::hint::black_box(candidates(std::hint::black_box(&s.landmarks), &s.los, |_| 1.0));
+            }
+            best = best.min(start.elapsed().as_secs_f64() / problems.len() as f64);
+        }
+        println!("candidates N={n} planar {planar}: {:.2} us", best * 1e6);
+    }
+}
