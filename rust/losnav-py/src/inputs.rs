@@ -7,7 +7,7 @@ use crate::convert::{Floats, ScalarOrArray};
 use crate::errors::{BadValue, InvalidInputError, shape_error};
 
 /// A direction may carry unnormalised isotropic noise; see `losnav._arrays.UNIT_TOLERANCE`.
-const UNIT_TOLERANCE: f64 = 1e-2;
+pub const UNIT_TOLERANCE: f64 = 1e-2;
 /// Within this the direction is used as it is.
 const UNIT_EXACT: f64 = 1e-15;
 
@@ -361,7 +361,8 @@ fn check_guess(values: &[f64]) -> Result<[f64; 6], BadValue> {
     Ok(guess)
 }
 
-fn scalar_weight(sigma: f64, row: usize) -> Result<Weight<f64>, BadValue> {
+/// `1/σ²`.
+pub fn scalar_weight(sigma: f64, row: usize) -> Result<Weight<f64>, BadValue> {
     let weight = 1.0 / (sigma * sigma);
     if sigma > 0.0 && weight.is_finite() && weight > 0.0 {
         Ok(Weight::Scalar(weight))

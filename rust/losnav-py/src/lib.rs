@@ -1,9 +1,13 @@
 //! Private engine of the Python package `losnav`: functions over arrays and a few result objects.
 //!
 //! Public names, docstrings and defaults live in Python; here every argument is taken.
+mod batch;
 mod convert;
+mod dispatch;
 mod errors;
 mod inputs;
+#[cfg(target_arch = "x86_64")]
+mod lanes;
 mod los;
 mod pose;
 mod solution;
@@ -22,6 +26,7 @@ mod _core {
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("ISA", crate::dispatch::Isa::current().name())?;
         module.add("__version__", env!("CARGO_PKG_VERSION"))
     }
 }

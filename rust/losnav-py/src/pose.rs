@@ -1,17 +1,25 @@
 //! `solve_pose`: one problem straight through, a batch over the cores with the GIL released.
-use losnav_core::estimators::least_squares::{Method, Options, Outcome, Parametrization, PoseState, solve};
+use losnav_core::estimators::least_squares::{Method, Options, Outcome, Parametrization, PoseState};
 use losnav_core::estimators::loss::{Loss, Robust, RobustKind, Squared};
 use losnav_core::estimators::pose::LosObjective;
 use losnav_core::models::sensors::LineOfSight;
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
+use crate::batch::{ManyPoses, OnePose};
+use crate::dispatch;
 use crate::errors::{BadValue, InvalidInputError, choice_error};
 use crate::inputs::{Arguments, Problem, Problems, Scratch};
 use crate::solution::{Landmarks, PoseSolution, Record};
 
-/// Problems solved by one thread before it asks for more.
-const CHUNK: usize = 64;
+/// Problems a thread takes at a time: a multiple of the lanes.
+const CHUNK: usize = 256;
+/// The same for guess-free problems, some tens of microseconds each.
+const SERIAL_GUESS_FREE: usize = 8;
+/// Landmarks in all below which threads cost more than they save (about 0.1 ms of work).
+const SERIAL_LANDMARKS: usize = 4000;
+/// With more landmarks than this in each problem, they fill the lanes better than problems do.
+const LANE_LANDMARKS: usize = 16;
 
 /// Settings of a solve beyond the arrays.
 #[derive(Clone, Copy)]
@@ -72,13 +80,7 @@ pub fn solve_pose(
         return Ok(PoseSolution::one(solved.best, kept_landmarks(&problems), solved.others, None));
     }
     let solved = py.detach(|| solve_batch(&problems, &settings));
-    let solved = solved.map_err(|(problem, bad)| bad.into_py(Some(problem)))?;
-    let mut others = Vec::new();
-    let mut records = Vec::with_capacity(solved.len());
-    for (problem, one) in solved.into_iter().enumerate() {
-        records.push(one.best);
-        others.extend(one.others.into_iter().map(|record| (problem, record)));
-    }
+    let (records, others) = solved.map_err(|(problem, bad)| bad.into_py(Some(problem)))?;
     Ok(PoseSolution::many(problems.shape.clone(), records, kept_landmarks(&problems), others, None))
 }
 
@@ -86,37 +88,117 @@ fn kept_landmarks(problems: &Problems<'_>) -> Landmarks {
     Landmarks { data: problems.landmark_data().to_vec(), shape: problems.landmark_shape.to_vec() }
 }
 
-fn solve_batch(problems: &Problems<'_>, settings: &Settings) -> Result<Vec<Solved>, (usize, BadValue)> {
-    let one = |scratch: &mut Scratch, k: usize| match problems.get(k, scratch) {
+type Failure = (usize, BadValue);
+type Batch = (Vec<Record>, Vec<(usize, Record)>);
+
+fn solve_batch(problems: &Problems<'_>, settings: &Settings) -> Result<Batch, Failure> {
+    if problems.guess.is_some() && problems.n <= LANE_LANDMARKS {
+        let records = match settings.loss {
+            None => solve_lanes(Squared, problems, settings),
+            Some(loss) => solve_lanes(loss, problems, settings),
+        };
+        return Ok((records?, Vec::new()));
+    }
+    let one = |scratch: &mut Scratch, k: usize| solve_checked(problems, k, settings, scratch);
+    let solved: Result<Vec<Solved>, Failure> = (0..problems.count)
+        .into_par_iter()
+        .with_min_len(SERIAL_GUESS_FREE)
+        .map_init(Scratch::default, one)
+        .collect();
+    let mut batch = (Vec::with_capacity(problems.count), Vec::new());
+    for (problem, solved) in solved?.into_iter().enumerate() {
+        batch.0.push(solved.best);
+        batch.1.extend(solved.others.into_iter().map(|record| (problem, record)));
+    }
+    Ok(batch)
+}
+
+/// A batch with guesses: several problems in the lanes, chunks of them over the cores.
+fn solve_lanes<L: Loss>(
+    loss: L,
+    problems: &Problems<'_>,
+    settings: &Settings,
+) -> Result<Vec<Record>, Failure> {
+    let mut records = vec![Record::invalid(); problems.count];
+    let chunk = |(index, out): (usize, &mut [Record])| {
+        let mut failure = Ok(());
+        dispatch::wide(ManyPoses {
+            problems,
+            first: index * CHUNK,
+            loss,
+            options: &settings.options,
+            out,
+            one_by_one: |first: usize, slots: &mut [Record]| {
+                let mut scratch = Scratch::default();
+                for (k, slot) in slots.iter_mut().enumerate() {
+                    match solve_checked(problems, first + k, settings, &mut scratch) {
+                        Ok(solved) => *slot = solved.best,
+                        Err(bad) if failure.is_ok() => failure = Err(bad),
+                        Err(_) => {}
+                    }
+                }
+            },
+        });
+        failure
+    };
+    if problems.count * problems.n < SERIAL_LANDMARKS {
+        records.chunks_mut(CHUNK).enumerate().try_for_each(chunk)?;
+    } else {
+        let failures: Vec<Failure> =
+            records.par_chunks_mut(CHUNK).enumerate().filter_map(|work| chunk(work).err()).collect();
+        if let Some(first) = failures.into_iter().min_by_key(|(problem, _)| *problem) {
+            return Err(first);
+        }
+    }
+    Ok(records)
+}
+
+fn solve_checked(
+    problems: &Problems<'_>,
+    k: usize,
+    settings: &Settings,
+    scratch: &mut Scratch,
+) -> Result<Solved, Failure> {
+    match problems.get(k, scratch) {
         Ok(problem) => Ok(solve_one(&problem, settings)),
         Err(bad) if settings.raise => Err((k, bad)),
         Err(_) => Ok(Solved { best: Record::invalid(), others: Vec::new() }),
-    };
-    (0..problems.count).into_par_iter().with_min_len(CHUNK).map_init(Scratch::default, one).collect()
-}
-
-fn solve_one(problem: &Problem<'_>, settings: &Settings) -> Solved {
-    let sensor = LineOfSight { landmarks: problem.landmarks, los: problem.los, weights: problem.weights };
-    match settings.loss {
-        None => solve_with(&LosObjective { sensor, loss: Squared }, problem, settings),
-        Some(loss) => solve_with(&LosObjective { sensor, loss }, problem, settings),
     }
 }
 
-fn solve_with<L: Loss>(
-    objective: &LosObjective<'_, f64, L>,
-    problem: &Problem<'_>,
-    settings: &Settings,
-) -> Solved {
-    let [x, y, z, a, b, c] = problem.guess.unwrap_or_default();
-    let outcome = solve(objective, &PoseState::from_mrp([x, y, z], [a, b, c]), &settings.options);
-    Solved { best: record(objective, &outcome), others: Vec::new() }
+fn solve_one(problem: &Problem<'_>, settings: &Settings) -> Solved {
+    match settings.loss {
+        None => solve_with(Squared, problem, settings),
+        Some(loss) => solve_with(loss, problem, settings),
+    }
 }
 
-fn record<L: Loss>(objective: &LosObjective<'_, f64, L>, outcome: &Outcome<f64>) -> Record {
-    let chi2 = if L::CURVED { objective.chi2(&outcome.pose) } else { 2.0 * outcome.cost };
-    let dof = 2.0 * objective.sensor.los.len() as f64 - 6.0;
-    Record::new(outcome, chi2, dof)
+fn solve_with<L: Loss>(loss: L, problem: &Problem<'_>, settings: &Settings) -> Solved {
+    let [x, y, z, a, b, c] = problem.guess.unwrap_or_default();
+    let starts = [PoseState::from_mrp([x, y, z], [a, b, c])];
+    let mut best = Record::invalid();
+    dispatch::narrow(OnePose {
+        problem,
+        loss,
+        options: &settings.options,
+        starts: &starts,
+        take: |outcome| best = record(loss, problem, &outcome),
+    });
+    Solved { best, others: Vec::new() }
+}
+
+fn record<L: Loss>(loss: L, problem: &Problem<'_>, outcome: &Outcome<f64>) -> Record {
+    let chi2 = if L::CURVED {
+        let sensor = LineOfSight { landmarks: problem.landmarks, los: problem.los, weights: problem.weights };
+        LosObjective { sensor, loss }.chi2(&outcome.pose)
+    } else {
+        2.0 * outcome.cost
+    };
+    Record::new(outcome, chi2, degrees_of_freedom(problem.los.len()))
+}
+
+fn degrees_of_freedom(n: usize) -> f64 {
+    2.0 * n as f64 - 6.0
 }
 
 fn parse_method(text: &str) -> PyResult<Method> {

@@ -128,6 +128,21 @@ impl<T: Real> PoseState<T> {
         Self { position, attitude: quaternion_from_mrp(mrp) }
     }
 
+    /// The first lane's pose in every lane of `V`.
+    #[inline(always)]
+    pub fn splat<V: Real>(&self) -> PoseState<V> {
+        let (p, q) = (&self.position, &self.attitude);
+        PoseState {
+            position: [V::splat(p[0].lane(0)), V::splat(p[1].lane(0)), V::splat(p[2].lane(0))],
+            attitude: [
+                V::splat(q[0].lane(0)),
+                V::splat(q[1].lane(0)),
+                V::splat(q[2].lane(0)),
+                V::splat(q[3].lane(0)),
+            ],
+        }
+    }
+
     #[inline(always)]
     fn select(mask: T::Mask, yes: &Self, no: &Self) -> Self {
         let mut picked = *no;

@@ -16,7 +16,7 @@ pub struct LossValue<T> {
 }
 
 /// A loss. Static dispatch: plain least squares costs nothing.
-pub trait Loss: Copy {
+pub trait Loss: Copy + Send + Sync {
     /// Is `ρ''` anywhere different from zero?
     const CURVED: bool;
     /// `ρ(s)` and its derivatives.

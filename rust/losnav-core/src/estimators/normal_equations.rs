@@ -211,6 +211,16 @@ impl<T: Real, L: Loss> Sink<T> for NormalEquationsSink<'_, T, L> {
 }
 
 impl<T: Real> NormalEquations<T> {
+    /// The sum over the lanes, in every lane of `S`.
+    #[inline(always)]
+    pub fn sum_lanes<S: Real>(&self) -> NormalEquations<S> {
+        let mut gradient = [S::zero(); 6];
+        for i in 0..6 {
+            gradient[i] = S::splat(self.gradient[i].sum_lanes());
+        }
+        NormalEquations { cost: S::splat(self.cost.sum_lanes()), gradient, hessian: self.hessian.sum_lanes() }
+    }
+
     /// The same system for position in reference axes and attitude in another parametrisation:
     /// `δ_old = diag(dcm, M) δ_new`, so `H_new = diag(dcm, M)ᵀ H diag(dcm, M)`.
     #[inline(always)]

@@ -20,6 +20,15 @@ pub struct LosObjective<'a, T, L> {
 }
 
 impl<T: Real, L: Loss> LosObjective<'_, T, L> {
+    /// `Σ eᵀ W e`, whatever the loss.
+    #[inline(always)]
+    pub fn chi2(&self, pose: &PoseState<T>) -> T {
+        let x = Kinematics::at_rest(pose.position, pose.attitude);
+        let mut sum = Chi2(T::zero());
+        self.each(&x, &mut sum);
+        sum.0
+    }
+
     /// Hands the directions at `x` to `take`, one by one. A zero range makes the cost NaN in its lane, which the
     /// solver reports.
     // A plain loop over a trait, not an iterator with closures: a closure left standing inside a function compiled
@@ -65,10 +74,11 @@ impl<T: Real, L: Loss> Take<T> for Twice<'_, T, L> {
 }
 
 /// `Σ eᵀ W e`.
-struct Chi2(f64);
+struct Chi2<T>(T);
 
-impl Take<f64> for Chi2 {
-    fn take(&mut self, block: &Direction<f64>, _: &Mat3<f64>) {
+impl<T: Real> Take<T> for Chi2<T> {
+    #[inline(always)]
+    fn take(&mut self, block: &Direction<T>, _: &Mat3<T>) {
         self.0 += block.squared_residual();
     }
 }
@@ -116,13 +126,28 @@ impl<T: Real, L: Loss> PoseObjective<T> for LosObjective<'_, T, L> {
     }
 }
 
-impl<L: Loss> LosObjective<'_, f64, L> {
-    /// `Σ eᵀ W e`, whatever the loss.
-    #[must_use]
-    pub fn chi2(&self, pose: &PoseState<f64>) -> f64 {
-        let x = Kinematics::at_rest(pose.position, pose.attitude);
-        let mut sum = Chi2(0.0);
-        self.each(&x, &mut sum);
-        sum.0
+/// One problem whose landmarks stand in the lanes of `V`, the pose in the scalar `S`: for the latency of one solve.
+/// Lanes past the last landmark repeat it with weight zero.
+#[derive(Clone, Copy, Debug)]
+pub struct Chunked<'a, V, L> {
+    /// The landmarks, `V::LANES` to an entry.
+    pub lanes: LosObjective<'a, V, L>,
+}
+
+impl<S: Real, V: Real, L: Loss> PoseObjective<S> for Chunked<'_, V, L> {
+    #[inline(always)]
+    fn linearize(&self, pose: &PoseState<S>) -> NormalEquations<S> {
+        self.lanes.linearize(&pose.splat()).sum_lanes()
+    }
+
+    #[inline(always)]
+    fn linearize_twice(&self, pose: &PoseState<S>) -> (NormalEquations<S>, Sym6<S>) {
+        let (equations, exact) = self.lanes.linearize_twice(&pose.splat());
+        (equations.sum_lanes(), exact.sum_lanes())
+    }
+
+    #[inline(always)]
+    fn total_weight(&self) -> S {
+        S::splat(self.lanes.total_weight().sum_lanes())
     }
 }

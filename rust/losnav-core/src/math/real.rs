@@ -84,6 +84,16 @@ pub trait Real:
     fn sqrt(self) -> Self;
     /// Natural logarithm.
     fn ln(self) -> Self;
+    /// `1/self`, within a unit in the last place or two.
+    #[inline(always)]
+    fn recip(self) -> Self {
+        Self::one() / self
+    }
+    /// `1/√self`, within a unit in the last place or two.
+    #[inline(always)]
+    fn rsqrt(self) -> Self {
+        Self::one() / self.sqrt()
+    }
     /// Absolute value.
     fn abs(self) -> Self;
     /// The larger of two.

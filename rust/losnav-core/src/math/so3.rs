@@ -68,7 +68,7 @@ pub fn step<T: Real>(q: Quaternion<T>, delta: Vec3<T>) -> Quaternion<T> {
 #[inline(always)]
 pub fn normalized<T: Real>(q: Quaternion<T>) -> Quaternion<T> {
     let n2 = q[0].mul_add(q[0], q[1].mul_add(q[1], q[2].mul_add(q[2], q[3] * q[3])));
-    let k = T::one() / n2.sqrt();
+    let k = n2.rsqrt();
     [k * q[0], k * q[1], k * q[2], k * q[3]]
 }
 

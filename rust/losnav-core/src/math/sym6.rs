@@ -62,6 +62,16 @@ impl<T: Real> Sym6<T> {
         a
     }
 
+    /// The sum over the lanes, in every lane of `S`.
+    #[inline(always)]
+    pub fn sum_lanes<S: Real>(&self) -> Sym6<S> {
+        let mut sum = Sym6::zero();
+        for i in 0..21 {
+            sum.0[i] = S::splat(self.0[i].sum_lanes());
+        }
+        sum
+    }
+
     /// Entry by entry sum.
     #[inline(always)]
     #[must_use]
@@ -77,9 +87,8 @@ impl<T: Real> Sym6<T> {
     #[inline(always)]
     pub fn ldl(&self) -> Ldl6<T> {
         let a = &self.0;
-        let one = T::one();
         let d0 = a[0];
-        let r0 = one / d0;
+        let r0 = d0.recip();
         let u10 = a[1];
         let l10 = u10 * r0;
         let u20 = a[2];
@@ -91,7 +100,7 @@ impl<T: Real> Sym6<T> {
         let u50 = a[5];
         let l50 = u50 * r0;
         let d1 = (-l10).mul_add(u10, a[6]);
-        let r1 = one / d1;
+        let r1 = d1.recip();
         let u21 = (-l20).mul_add(u10, a[7]);
         let l21 = u21 * r1;
         let u31 = (-l30).mul_add(u10, a[8]);
@@ -101,7 +110,7 @@ impl<T: Real> Sym6<T> {
         let u51 = (-l50).mul_add(u10, a[10]);
         let l51 = u51 * r1;
         let d2 = (-l21).mul_add(u21, (-l20).mul_add(u20, a[11]));
-        let r2 = one / d2;
+        let r2 = d2.recip();
         let u32 = (-l31).mul_add(u21, (-l30).mul_add(u20, a[12]));
         let l32 = u32 * r2;
         let u42 = (-l41).mul_add(u21, (-l40).mul_add(u20, a[13]));
@@ -109,20 +118,20 @@ impl<T: Real> Sym6<T> {
         let u52 = (-l51).mul_add(u21, (-l50).mul_add(u20, a[14]));
         let l52 = u52 * r2;
         let d3 = (-l32).mul_add(u32, (-l31).mul_add(u31, (-l30).mul_add(u30, a[15])));
-        let r3 = one / d3;
+        let r3 = d3.recip();
         let u43 = (-l42).mul_add(u32, (-l41).mul_add(u31, (-l40).mul_add(u30, a[16])));
         let l43 = u43 * r3;
         let u53 = (-l52).mul_add(u32, (-l51).mul_add(u31, (-l50).mul_add(u30, a[17])));
         let l53 = u53 * r3;
         let d4 = (-l43).mul_add(u43, (-l42).mul_add(u42, (-l41).mul_add(u41, (-l40).mul_add(u40, a[18]))));
-        let r4 = one / d4;
+        let r4 = d4.recip();
         let u54 = (-l53).mul_add(u43, (-l52).mul_add(u42, (-l51).mul_add(u41, (-l50).mul_add(u40, a[19]))));
         let l54 = u54 * r4;
         let d5 = (-l54).mul_add(
             u54,
             (-l53).mul_add(u53, (-l52).mul_add(u52, (-l51).mul_add(u51, (-l50).mul_add(u50, a[20])))),
         );
-        let r5 = one / d5;
+        let r5 = d5.recip();
         Ldl6 {
             lower: [l10, l20, l21, l30, l31, l32, l40, l41, l42, l43, l50, l51, l52, l53, l54],
             pivots: [d0, d1, d2, d3, d4, d5],

@@ -24,7 +24,7 @@ pub struct LineOfSight<'a, T> {
 #[inline(always)]
 pub fn predict<T: Real>(x: &Kinematics<T>, landmark: Vec3<T>) -> (Vec3<T>, T) {
     let d = rotate(&x.dcm, sub(landmark, x.position));
-    let inverse_range = T::one() / dot(d, d).sqrt();
+    let inverse_range = dot(d, d).rsqrt();
     (scale(inverse_range, d), inverse_range)
 }
 

@@ -1,0 +1,256 @@
+//! Lane jobs: one pose with its landmarks in lanes (latency), several poses in lanes (throughput).
+use losnav_core::estimators::least_squares::{Options, Outcome, PoseState, solve};
+use losnav_core::estimators::loss::Loss;
+use losnav_core::estimators::pose::{Chunked, LosObjective};
+use losnav_core::math::real::{Mask, Real};
+use losnav_core::math::sym6::Sym6;
+use losnav_core::math::vec3::{Vec3, dot, scale, sub};
+use losnav_core::models::linearization::Weight;
+use losnav_core::models::sensors::LineOfSight;
+
+use crate::dispatch::{Job, Lanes};
+use crate::inputs::{Noise, Problem, Problems, UNIT_TOLERANCE, scalar_weight};
+use crate::solution::Record;
+
+/// Landmarks, directions and weights in lanes, reused from call to call.
+struct Columns<V> {
+    landmarks: Vec<Vec3<V>>,
+    los: Vec<Vec3<V>>,
+    weights: Vec<Weight<V>>,
+}
+
+impl<V: Lanes> Columns<V> {
+    #[inline(always)]
+    fn with_capacity(n: usize) -> Self {
+        Self { landmarks: Vec::with_capacity(n), los: Vec::with_capacity(n), weights: Vec::with_capacity(n) }
+    }
+
+    #[inline(always)]
+    fn sensor(&self) -> LineOfSight<'_, V> {
+        LineOfSight { landmarks: &self.landmarks, los: &self.los, weights: &self.weights }
+    }
+}
+
+/// One pose, its landmarks in lanes, from several starts.
+pub struct OnePose<'a, L, F> {
+    pub problem: &'a Problem<'a>,
+    pub loss: L,
+    pub options: &'a Options,
+    pub starts: &'a [PoseState<f64>],
+    /// Receives the outcome from each start.
+    pub take: F,
+}
+
+impl<L: Loss, F: FnMut(Outcome<f64>)> Job for OnePose<'_, L, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes, S: Lanes>(mut self) {
+        let columns = landmark_columns::<V>(self.problem);
+        let objective = Chunked { lanes: LosObjective { sensor: columns.sensor(), loss: self.loss } };
+        for start in self.starts {
+            let outcome = solve(&objective, &start.splat::<S>(), self.options);
+            (self.take)(lane_outcome(&outcome, 0));
+        }
+    }
+}
+
+/// `V::LANES` landmarks to an entry; the last is repeated with weight zero.
+#[inline(always)]
+fn landmark_columns<V: Lanes>(problem: &Problem<'_>) -> Columns<V> {
+    let n = problem.los.len();
+    let chunks = n.div_ceil(V::LANES);
+    let mut columns = Columns::with_capacity(chunks);
+    for chunk in 0..chunks {
+        let from = chunk * V::LANES;
+        columns.landmarks.push(gather_rows(problem.landmarks, from));
+        columns.los.push(gather_rows(problem.los, from));
+        columns.weights.push(gather_weights(problem.weights, from, n));
+    }
+    columns
+}
+
+#[inline(always)]
+fn gather_rows<V: Lanes>(rows: &[Vec3<f64>], from: usize) -> Vec3<V> {
+    let last = rows.len() - 1;
+    [
+        V::gather(|lane| rows[(from + lane).min(last)][0]),
+        V::gather(|lane| rows[(from + lane).min(last)][1]),
+        V::gather(|lane| rows[(from + lane).min(last)][2]),
+    ]
+}
+
+#[inline(always)]
+fn gather_weights<V: Lanes>(weights: &[Weight<f64>], from: usize, n: usize) -> Weight<V> {
+    let last = weights.len() - 1;
+    let at = |lane: usize| weights[(from + lane).min(last)];
+    if let Weight::Scalar(_) = weights[0] {
+        return Weight::Scalar(V::gather(|lane| match at(lane) {
+            Weight::Scalar(w) if from + lane < n => w,
+            _ => 0.0,
+        }));
+    }
+    let mut full = [[V::zero(); 3]; 3];
+    for (i, row) in full.iter_mut().enumerate() {
+        for (j, entry) in row.iter_mut().enumerate() {
+            *entry = V::gather(|lane| match at(lane) {
+                Weight::Full(s) if from + lane < n => s[i][j],
+                _ => 0.0,
+            });
+        }
+    }
+    Weight::Full(full)
+}
+
+/// Several poses side by side, from a guess each. Scalar weights only.
+pub struct ManyPoses<'a, L, F> {
+    pub problems: &'a Problems<'a>,
+    /// Index of the first.
+    pub first: usize,
+    pub loss: L,
+    pub options: &'a Options,
+    /// One for each problem.
+    pub out: &'a mut [Record],
+    /// Does the problems of a group in which some value breaks a rule, one by one.
+    pub one_by_one: F,
+}
+
+impl<L: Loss, F: FnMut(usize, &mut [Record])> Job for ManyPoses<'_, L, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes, S: Lanes>(mut self) {
+        let dof = 2.0 * self.problems.n as f64 - 6.0;
+        let mut columns = Columns::<V>::with_capacity(self.problems.n);
+        let mut first = self.first;
+        for out in self.out.chunks_mut(V::LANES) {
+            let last = first + out.len() - 1;
+            let start = gather_guess::<V>(self.problems, first, last);
+            let sound = problem_columns(self.problems, first, last, &mut columns);
+            match start {
+                Some(start) if sound => {
+                    let objective = LosObjective { sensor: columns.sensor(), loss: self.loss };
+                    let outcome = solve(&objective, &start, self.options);
+                    let chi2 =
+                        if L::CURVED { objective.chi2(&outcome.pose) } else { outcome.cost + outcome.cost };
+                    for (lane, slot) in out.iter_mut().enumerate() {
+                        *slot = Record::new(&lane_outcome(&outcome, lane), chi2.lane(lane), dof);
+                    }
+                }
+                _ => (self.one_by_one)(first, out),
+            }
+            first = last + 1;
+        }
+    }
+}
+
+/// Fills the columns with problems `first..=last` (the last one repeated) and checks their values in the lanes.
+#[inline(always)]
+fn problem_columns<V: Lanes>(
+    problems: &Problems<'_>,
+    first: usize,
+    last: usize,
+    columns: &mut Columns<V>,
+) -> bool {
+    let n = problems.n;
+    let mut sound = V::Mask::splat(true);
+    // Shared landmarks stand in the columns from the group before. Pairs too close to tell apart in squares are no
+    // error yet: the one-by-one path decides.
+    if !(problems.landmarks.shared() && columns.landmarks.len() == n) {
+        columns.landmarks.clear();
+        for row in 0..n {
+            let landmark = gather_entry::<V>(problems, Which::Landmarks, row, first, last);
+            sound = sound.and(dot(landmark, landmark).is_finite());
+            for other in &columns.landmarks {
+                let d = sub(landmark, *other);
+                sound = sound.and(V::zero().lt(dot(d, d)));
+            }
+            columns.landmarks.push(landmark);
+        }
+    }
+    columns.los.clear();
+    for row in 0..n {
+        let b = gather_entry::<V>(problems, Which::Los, row, first, last);
+        let norm2 = dot(b, b);
+        sound = sound.and((norm2 - V::one()).abs().le(V::splat(UNIT_TOLERANCE)));
+        columns.los.push(scale(norm2.rsqrt(), b));
+    }
+    columns.weights.clear();
+    match &problems.noise {
+        Noise::Common(sigma) => match scalar_weight(*sigma, 0) {
+            Ok(Weight::Scalar(w)) => columns.weights.push(Weight::Scalar(V::splat(w))),
+            _ => return false,
+        },
+        Noise::Sigma(rows) => {
+            for row in 0..n {
+                let sigma =
+                    V::gather(|lane| rows.of((first + lane).min(last)).get(row).copied().unwrap_or(0.0));
+                let weight = (sigma * sigma).recip();
+                sound = sound.and(V::zero().lt(sigma)).and(V::zero().lt(weight)).and(weight.is_finite());
+                columns.weights.push(Weight::Scalar(weight));
+            }
+        }
+        Noise::Covariance(_) => return false,
+    }
+    !sound.not().any()
+}
+
+enum Which {
+    Landmarks,
+    Los,
+}
+
+#[inline(always)]
+fn gather_entry<V: Lanes>(
+    problems: &Problems<'_>,
+    which: Which,
+    row: usize,
+    first: usize,
+    last: usize,
+) -> Vec3<V> {
+    let rows = match which {
+        Which::Landmarks => &problems.landmarks,
+        Which::Los => &problems.los,
+    };
+    let mut entry = [V::zero(); 3];
+    for (axis, value) in entry.iter_mut().enumerate() {
+        *value = V::gather(|lane| {
+            rows.of((first + lane).min(last)).get(3 * row + axis).copied().unwrap_or(f64::NAN)
+        });
+    }
+    entry
+}
+
+#[inline(always)]
+fn gather_guess<V: Lanes>(problems: &Problems<'_>, first: usize, last: usize) -> Option<PoseState<V>> {
+    let rows = problems.guess.as_ref()?;
+    let mut guess = [V::zero(); 6];
+    let mut sound = V::Mask::splat(true);
+    for (column, value) in guess.iter_mut().enumerate() {
+        *value = V::gather(|lane| rows.of((first + lane).min(last)).get(column).copied().unwrap_or(f64::NAN));
+        sound = sound.and(value.is_finite());
+    }
+    let [x, y, z, a, b, c] = guess;
+    (!sound.not().any()).then(|| PoseState::from_mrp([x, y, z], [a, b, c]))
+}
+
+/// One lane of an outcome.
+#[inline(always)]
+fn lane_outcome<V: Real>(outcome: &Outcome<V>, lane: usize) -> Outcome<f64> {
+    let (p, q) = (&outcome.pose.position, &outcome.pose.attitude);
+    let mut information = Sym6([0.0; 21]);
+    for (to, from) in information.0.iter_mut().zip(&outcome.information.0) {
+        *to = from.lane(lane);
+    }
+    Outcome {
+        pose: PoseState {
+            position: [p[0].lane(lane), p[1].lane(lane), p[2].lane(lane)],
+            attitude: [q[0].lane(lane), q[1].lane(lane), q[2].lane(lane), q[3].lane(lane)],
+        },
+        cost: outcome.cost.lane(lane),
+        information,
+        iterations: outcome.iterations.lane(lane),
+        termination: outcome.termination.lane(lane),
+        converged: outcome.converged.lane(lane),
+    }
+}
