@@ -3,7 +3,12 @@
 mod lm;
 mod scenes;
 use lm::Cloud;
+use losnav_core::estimators::least_squares::{Method, Options, Parametrization, solve};
+use losnav_core::estimators::loss::Squared;
 use losnav_core::estimators::minimal::{Pose, candidates};
+use losnav_core::estimators::pose::LosObjective;
+use losnav_core::models::linearization::Weight;
+use losnav_core::models::sensors::LineOfSight;
 use nalgebra::Vector3;
 use scenes::{Rng, Scene, observe, scene};
 
@@ -19,6 +24,8 @@ struct Tally {
     iterations: usize,
     slow: usize,
     first: usize,
+    own_failed: usize,
+    own_iterations: usize,
 }
 
 /// Lowest minimum over many random starts and the truth. A creep into a landmark, whose direction can then be chosen freely, has none.
@@ -37,11 +44,31 @@ fn multistart(rng: &mut Rng, cloud: &Cloud, s: &Scene, starts: usize) -> f64 {
     best
 }
 
+/// The library's own Levenberg-Marquardt.
+fn own_polish(s: &Scene, pose: &Pose) -> (f64, Pose, usize) {
+    let weights = [Weight::Scalar(1.0)];
+    let objective = LosObjective {
+        sensor: LineOfSight { landmarks: &s.landmarks, los: &s.los, weights: &weights },
+        loss: Squared,
+    };
+    let options = Options {
+        method: Method::LevenbergMarquardt,
+        parametrization: Parametrization::Rotation,
+        damping: 1e-3,
+        max_iterations: 50,
+        cost_tolerance: 1e-12,
+        step_tolerance: 1e-12,
+    };
+    let out = solve(&objective, &(*pose).into(), &options);
+    (out.cost, out.pose.into(), out.iterations as usize)
+}
+
 fn check(t: &mut Tally, rng: &mut Rng, s: &Scene, sigma: f64, starts: usize) {
     let cloud = Cloud::new(&s.landmarks, &s.los);
     let global = multistart(rng, &cloud, s, starts);
     let found = candidates(&s.landmarks, &s.los, |_| 1.0);
     let mut best = f64::INFINITY;
+    let mut own = f64::INFINITY;
     for (k, pose) in found.iter().enumerate() {
         let (r, tr) = cloud.start(pose);
         let (cost, r, tr, it, done) = cloud.polish(r, tr, 200);
@@ -54,6 +81,25 @@ fn check(t: &mut Tally, rng: &mut Rng, s: &Scene, sigma: f64, starts: usize) {
         }
         if k == 0 && cost <= global * (1.0 + 1e-6) + 1e-20 {
             t.first += 1;
+        }
+    }
+    for pose in &found {
+        let (cost, state, iterations) = own_polish(s, pose);
+        t.own_iterations += iterations;
+        let (r, tr) = cloud.start(&state);
+        if cloud.in_front(&r, &tr) && cost < own {
+            own = cost;
+        }
+    }
+    if own.is_nan() || own > global * (1.0 + 1e-6) + 1e-20 {
+        t.own_failed += 1;
+        if std::env::var_os("VERBOSE").is_some() {
+            println!(
+                "  own failed: n {} depth {:.1} sigma {sigma:.1e} best {own:.6e} global {global:.6e} candidates {}",
+                s.los.len(),
+                s.depth,
+                found.len()
+            );
         }
     }
     t.scenes += 1;
@@ -76,14 +122,16 @@ fn check(t: &mut Tally, rng: &mut Rng, s: &Scene, sigma: f64, starts: usize) {
 
 fn report(name: &str, t: &Tally) {
     println!(
-        "{name}: {} scenes, failed {} ({} beyond depth 20), candidates {:.1}, polish iterations {:.1} each, not finished {}, first is best {:.3}",
+        "{name}: {} scenes, failed {} ({} beyond depth 20), candidates {:.1}, polish iterations {:.1} each, not finished {}, first is best {:.3}; own LM missed {}, {:.1} iterations each",
         t.scenes,
         t.failed,
         t.far,
         t.count as f64 / t.scenes as f64,
         t.iterations as f64 / t.count as f64,
         t.slow,
-        t.first as f64 / t.scenes as f64
+        t.first as f64 / t.scenes as f64,
+        t.own_failed,
+        t.own_iterations as f64 / t.count as f64
     );
 }
 

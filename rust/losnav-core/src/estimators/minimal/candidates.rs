@@ -32,8 +32,11 @@ const DESCENTS: usize = 4;
 
 /// Starting poses for the landmarks (reference frame) and unit lines of sight (body components), cheapest first.
 ///
-/// `weight(i)` is the weight of observation `i` in the cost (one over its variance). Empty for fewer than three or collinear landmarks and
-/// for values that are not finite. Observations beyond the shorter of the two lists are ignored.
+/// `weight(i)` is the weight of observation `i` in the cost (one over its variance); those without a positive weight and those beyond the
+/// shorter of the two lists are ignored. Empty for fewer than three or collinear landmarks and for values that are not finite.
+///
+/// Every pose has every landmark on the side its line of sight points to. Only where a wrong line of sight leaves no such pose, those are
+/// returned that have most of them there.
 pub fn candidates(
     landmarks: &[[f64; 3]],
     los: &[[f64; 3]],
@@ -41,17 +44,18 @@ pub fn candidates(
 ) -> Poses<MAX_CANDIDATES> {
     let n = landmarks.len().min(los.len());
     let (landmarks, los) = (landmarks.get(..n).unwrap_or(&[]), los.get(..n).unwrap_or(&[]));
-    let Some(scatter) = Scatter::new(landmarks) else {
+    let used = landmarks.iter().enumerate().filter(|(i, _)| weight(*i) > 0.0).map(|(_, l)| l);
+    let Some(scatter) = Scatter::new(used) else {
         return Poses::new();
     };
-    if n < 3 || scatter.is_collinear() {
+    if scatter.count < 3 || scatter.is_collinear() {
         return Poses::new();
     }
-    let total: f64 = (0..n).map(&weight).sum();
-    let mut found = Ranked::new(EXACT * EXACT * total);
     let problem = Problem { landmarks, los, weight, scatter };
+    let total: f64 = problem.observations().map(|o| o.2).sum();
+    let mut found = Ranked::new(EXACT * EXACT * total);
     problem.try_triples(&mut found);
-    if n > 3 {
+    if scatter.count > 3 {
         problem.try_object_space(&mut found);
     }
     found.poses()
@@ -65,33 +69,39 @@ struct Problem<'a, W> {
 }
 
 impl<W: Fn(usize) -> f64> Problem<'_, W> {
+    /// Landmark, line of sight and weight of each observation that counts.
     fn observations(&self) -> impl Iterator<Item = (Vector3<f64>, Vector3<f64>, f64)> {
+        self.indexed().map(|(_, l, b, w)| (Vector3::from(*l), Vector3::from(*b), w))
+    }
+
+    fn indexed(&self) -> impl Iterator<Item = (usize, &[f64; 3], &[f64; 3], f64)> {
         self.landmarks
             .iter()
             .zip(self.los)
             .enumerate()
-            .map(|(i, (l, b))| (self.scatter.to_local(l), Vector3::from(*b), (self.weight)(i)))
+            .map(|(i, (l, b))| (i, l, b, (self.weight)(i)))
+            .filter(|o| o.3 > 0.0)
     }
 
-    /// `sum w |b - h|^2`, or `None` for a mirrored pose.
-    fn cost(&self, pose: &Pose) -> Option<f64> {
-        let mut cost = 0.0;
-        for (i, (l, b)) in self.landmarks.iter().zip(self.los).enumerate() {
-            let h = pose.los(&Vector3::from(*l));
-            let cosine = h.dot(&Vector3::from(*b));
-            // Written so that NaN counts as mirrored.
-            if !(cosine > 0.0) {
-                return None;
+    /// `sum w |b - h|^2` and how many landmarks lie opposite to their line of sight.
+    fn cost(&self, pose: &Pose) -> (f64, usize) {
+        let (mut cost, mut behind) = (0.0, 0);
+        for (l, b, w) in self.observations() {
+            let h = pose.los(&l);
+            // Written so that NaN counts as behind.
+            if !(h.dot(&b) > 0.0) {
+                behind += 1;
             }
-            cost += (self.weight)(i) * (h - Vector3::from(*b)).norm_squared();
+            cost += w * (h - b).norm_squared();
         }
-        Some(cost)
+        (cost, behind)
     }
 
     fn offer(&self, found: &mut Ranked, pose: Pose) {
-        if let Some(cost) = self.cost(&pose) {
+        let (cost, behind) = self.cost(&pose);
+        if 2 * behind < self.scatter.count && cost.is_finite() {
             let range = (pose.position - self.scatter.centroid).norm() + self.scatter.extents[0];
-            found.insert(pose, cost, range);
+            found.insert(Start { cost, mirrored: behind > 0, pose }, range);
         }
     }
 
@@ -102,11 +112,8 @@ impl<W: Fn(usize) -> f64> Problem<'_, W> {
     }
 
     fn try_triples(&self, found: &mut Ranked) {
-        let n = self.landmarks.len();
-        let all = [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]];
-        let count = if n == 3 { 1 } else { 4 };
-        let triples = if n <= 4 { all } else { self.spread_triples() };
-        for t in triples.iter().take(count) {
+        let count = if self.scatter.count == 3 { 1 } else { 4 };
+        for t in self.spread_triples().iter().take(count) {
             if let Some([x, b]) = self.triple(*t) {
                 for pose in &p3p_near(&x, &b) {
                     self.offer(found, *pose);
@@ -120,7 +127,7 @@ impl<W: Fn(usize) -> f64> Problem<'_, W> {
         let at = |k: usize| self.landmarks.get(k).map_or(Vector3::zeros(), |l| self.scatter.to_local(l));
         let farthest = |measure: &dyn Fn(&Vector3<f64>) -> f64| {
             let mut best = (0, -1.0);
-            for (k, l) in self.landmarks.iter().enumerate() {
+            for (k, l, _, _) in self.indexed() {
                 let value = measure(&self.scatter.to_local(l));
                 if value > best.1 {
                     best = (k, value);
@@ -144,7 +151,8 @@ impl<W: Fn(usize) -> f64> Problem<'_, W> {
     }
 
     fn try_object_space(&self, found: &mut Ranked) {
-        let Some(space) = ObjectSpace::new(self.observations()) else {
+        let local = self.indexed().map(|(_, l, b, w)| (self.scatter.to_local(l), Vector3::from(*b), w));
+        let Some(space) = ObjectSpace::new(local) else {
             return;
         };
         let local = |r: &Matrix3<f64>| self.scatter.to_reference(r, &space.translation(r));
@@ -191,9 +199,17 @@ impl<W: Fn(usize) -> f64> Problem<'_, W> {
     }
 }
 
-/// Poses by rising cost, one per neighbourhood.
+#[derive(Clone, Copy)]
+struct Start {
+    cost: f64,
+    /// Whether some landmark lies opposite to its line of sight.
+    mirrored: bool,
+    pose: Pose,
+}
+
+/// Starts by rising cost, one per neighbourhood.
 struct Ranked {
-    items: [(f64, Pose); MAX_CANDIDATES],
+    items: [Start; MAX_CANDIDATES],
     len: usize,
     /// Cost below which a pose counts as exact.
     exact: f64,
@@ -201,54 +217,63 @@ struct Ranked {
 
 impl Ranked {
     fn new(exact: f64) -> Self {
-        Self { items: [(f64::INFINITY, Pose::ORIGIN); MAX_CANDIDATES], len: 0, exact }
+        let none = Start { cost: f64::INFINITY, mirrored: true, pose: Pose::ORIGIN };
+        Self { items: [none; MAX_CANDIDATES], len: 0, exact }
     }
 
-    fn insert(&mut self, pose: Pose, cost: f64, range: f64) {
+    fn insert(&mut self, new: Start, range: f64) {
         let exact = self.exact;
-        let near = |item: &(f64, Pose)| {
-            let both = item.0 <= exact && cost <= exact;
+        let near = |old: &Start| {
+            let both = old.cost <= exact && new.cost <= exact;
             let same = if both { SAME_EXACT } else { SAME };
-            (item.1.dcm - pose.dcm).norm_squared() < 2.0 * same * same
-                && (item.1.position - pose.position).norm() < same * range
+            (old.pose.dcm - new.pose.dcm).norm_squared() < 2.0 * same * same
+                && (old.pose.position - new.pose.position).norm() < same * range
         };
         let mut kept = 0;
         for k in 0..self.len.min(MAX_CANDIDATES) {
-            let item = self.items[k];
-            if near(&item) {
-                if item.0 <= cost {
+            let old = self.items[k];
+            if near(&old) {
+                if old.cost <= new.cost {
                     return;
                 }
             } else {
-                self.items[kept] = item;
+                self.items[kept] = old;
                 kept += 1;
             }
         }
-        // Insertion from the back; the dearest falls out of a full list.
         self.len = kept;
-        if kept == MAX_CANDIDATES {
-            if self.items[MAX_CANDIDATES - 1].0 <= cost {
+        self.insert_sorted(new);
+    }
+
+    /// From the back; the dearest falls out of a full list.
+    fn insert_sorted(&mut self, new: Start) {
+        if self.len == MAX_CANDIDATES {
+            if self.items[MAX_CANDIDATES - 1].cost <= new.cost {
                 return;
             }
-            kept -= 1;
+            self.len -= 1;
         }
-        let mut k = kept;
-        while k > 0 && k < MAX_CANDIDATES && self.items[k - 1].0 > cost {
+        let mut k = self.len;
+        while k > 0 && k < MAX_CANDIDATES && self.items[k - 1].cost > new.cost {
             self.items[k] = self.items[k - 1];
             k -= 1;
         }
         if k < MAX_CANDIDATES {
-            self.items[k] = (cost, pose);
-            self.len = kept + 1;
+            self.items[k] = new;
+            self.len += 1;
         }
     }
 
     /// The poses worth polishing.
     fn poses(&self) -> Poses<MAX_CANDIDATES> {
+        let held = self.items.iter().take(self.len);
+        let all_mirrored = held.clone().all(|s| s.mirrored);
+        let eligible = held.filter(|s| s.mirrored == all_mirrored);
+        let cheapest = eligible.clone().map(|s| s.cost).fold(f64::INFINITY, f64::min);
+        let worth = (PRUNE * cheapest).max(self.exact);
         let mut out = Poses::new();
-        let worth = (PRUNE * self.items[0].0).max(self.exact);
-        for (_, pose) in self.items.iter().take(self.len).filter(|item| item.0 <= worth) {
-            out.push(*pose);
+        for start in eligible.filter(|s| s.cost <= worth) {
+            out.push(start.pose);
         }
         out
     }

@@ -11,6 +11,9 @@
 
 use nalgebra::{Matrix3, Vector3};
 
+use crate::estimators::least_squares::PoseState;
+use crate::math::so3::{dcm_from_quaternion, normalized};
+
 pub mod candidates;
 mod conic;
 pub mod p3p;
@@ -42,6 +45,41 @@ impl Pose {
         let d = self.dcm * (landmark - self.position);
         d / d.norm()
     }
+}
+
+impl From<Pose> for PoseState<f64> {
+    fn from(pose: Pose) -> Self {
+        Self { position: pose.position.into(), attitude: quaternion_from_dcm(&pose.dcm) }
+    }
+}
+
+impl From<PoseState<f64>> for Pose {
+    fn from(state: PoseState<f64>) -> Self {
+        let [x, y, z] = dcm_from_quaternion(state.attitude);
+        Self {
+            position: state.position.into(),
+            dcm: Matrix3::new(x[0], x[1], x[2], y[0], y[1], y[2], z[0], z[1], z[2]),
+        }
+    }
+}
+
+/// Unit quaternion, scalar last, of a rotation matrix \[BN\], from its largest component (Shepperd 1978).
+fn quaternion_from_dcm(c: &Matrix3<f64>) -> [f64; 4] {
+    let (x, y, z) = (c[(0, 0)], c[(1, 1)], c[(2, 2)]);
+    let (xy, xz, yz) = (c[(0, 1)] + c[(1, 0)], c[(0, 2)] + c[(2, 0)], c[(1, 2)] + c[(2, 1)]);
+    let (wx, wy, wz) = (c[(1, 2)] - c[(2, 1)], c[(2, 0)] - c[(0, 2)], c[(0, 1)] - c[(1, 0)]);
+    let trace = x + y + z;
+    let q = if trace >= x.max(y).max(z) {
+        [wx, wy, wz, 1.0 + trace]
+    } else if x >= y && x >= z {
+        [1.0 + x - y - z, xy, xz, wx]
+    } else if y >= z {
+        [xy, 1.0 + y - x - z, yz, wy]
+    } else {
+        [xz, yz, 1.0 + z - x - y, wz]
+    };
+    let q = if q[3] < 0.0 { q.map(|v| -v) } else { q };
+    normalized(q)
 }
 
 /// At most `MAX` poses, kept on the stack.

@@ -13,6 +13,8 @@ const SWEEPS: usize = 8;
 /// Centred, scaled, axis-aligned frame of a cloud of landmarks.
 #[derive(Clone, Copy, Debug)]
 pub struct Scatter {
+    /// Number of landmarks.
+    pub count: usize,
     /// Mean of the landmarks.
     pub centroid: Vector3<f64>,
     /// Right-handed principal axes as columns, by falling extent: the third is the normal of a flat cloud.
@@ -25,18 +27,20 @@ pub struct Scatter {
 
 impl Scatter {
     /// Scatter of the landmarks; `None` when there are none or one of them is not finite.
-    pub fn new(landmarks: &[[f64; 3]]) -> Option<Self> {
-        let n = landmarks.len() as f64;
+    pub fn new<'a>(landmarks: impl Iterator<Item = &'a [f64; 3]> + Clone) -> Option<Self> {
+        let mut count = 0;
         let mut sum = Vector3::zeros();
         let mut largest: f64 = 0.0;
-        for l in landmarks {
+        for l in landmarks.clone() {
             let l = Vector3::from(*l);
+            count += 1;
             sum += l;
             largest = largest.max(l.amax());
         }
+        let n = count as f64;
         let centroid = sum / n;
         let mut s = Matrix3::zeros();
-        for l in landmarks {
+        for l in landmarks.clone() {
             let d = Vector3::from(*l) - centroid;
             s += d * d.transpose();
         }
@@ -50,6 +54,7 @@ impl Scatter {
             squares += m.component_mul(&m);
         }
         Some(Self {
+            count,
             centroid,
             axes,
             extents: squares.map(|v| sqrt(v / n)),

@@ -7,6 +7,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use super::scatter::{Scatter, principal_axes};
 use super::sqpnp::{half_turn, turn};
 use super::{Pose, candidates, p3p};
+use crate::estimators::least_squares::PoseState;
 
 fn attitude() -> Matrix3<f64> {
     Rotation3::new(Vector3::new(0.4, -1.9, 0.7)).into_inner()
@@ -179,6 +180,28 @@ fn weights_decide_the_order() {
 }
 
 #[test]
+fn no_weight_means_not_there() {
+    let truth = Pose { position: Vector3::new(-50.0, 50.0, 500.0), dcm: attitude() };
+    let mut landmarks = std::vec![[f64::NAN; 3]];
+    landmarks.extend(RING);
+    let mut los = std::vec![[0.0, 0.0, 1.0]];
+    los.extend(see(&RING, &truth));
+    let list = candidates(&landmarks, &los, |i| if i == 0 { 0.0 } else { 1.0 });
+    assert!(list.iter().any(|p| (p.position - truth.position).norm() < 1e-6));
+    assert!(candidates(&landmarks, &los, |_| 0.0).is_empty());
+}
+
+#[test]
+fn an_opposite_line_of_sight_leaves_the_others_a_pose() {
+    let truth = Pose { position: Vector3::new(20.0, 50.0, 100.0), dcm: attitude() };
+    let mut landmarks = RING.to_vec();
+    landmarks.extend([[3.0, 4.0, 20.0], [-10.0, 8.0, -15.0]]);
+    let mut los = see(&landmarks, &truth);
+    los[5] = los[5].map(|v| -v);
+    assert!(!candidates(&landmarks, &los, |_| 1.0).is_empty());
+}
+
+#[test]
 fn principal_axes_diagonalise() {
     for k in 0..50 {
         let r = Rotation3::new(Vector3::new(0.1 * k as f64, 1.3, -0.7)).into_inner();
@@ -194,8 +217,20 @@ fn principal_axes_diagonalise() {
             assert!(diagonal[(i, i)] >= diagonal[(j, j)] - 1e-15);
         }
     }
-    let flat = Scatter::new(&RING).expect("finite");
+    let flat = Scatter::new(RING.iter()).expect("finite");
     assert!(flat.flatness() < 1e-15 && !flat.is_collinear());
+}
+
+#[test]
+fn a_pose_survives_the_quaternion() {
+    for k in 0..200 {
+        let angle = 0.0315 * k as f64;
+        let axis = Vector3::new((k as f64).sin(), (2.0 * k as f64).cos(), (0.7 * k as f64).sin()).normalize();
+        let pose = Pose { position: axis * 3.0, dcm: Rotation3::new(axis * angle).into_inner() };
+        let state = PoseState::from(pose);
+        assert!(state.attitude[3] >= 0.0);
+        assert!((Pose::from(state).dcm - pose.dcm).norm() < 1e-15 * 8.0, "{k}");
+    }
 }
 
 #[test]
