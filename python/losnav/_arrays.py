@@ -127,3 +127,10 @@ def broadcast(*named: tuple[str, FloatArray, int]) -> tuple[tuple[int, ...], lis
         tail = array.shape[array.ndim - core :]
         flat.append(np.ascontiguousarray(np.broadcast_to(array, shape + tail)).reshape((size, *tail)))
     return shape, flat
+
+
+def together(*named: tuple[str, Any, int]) -> list[FloatArray]:
+    """Broadcast leading dimensions of ``(name, value, core dimensions)``, keeping them in the result."""
+    arrays = [(name, as_float64(value, name), core) for name, value, core in named]
+    shape, flat = broadcast(*arrays)
+    return [array.reshape((*shape, *array.shape[1:])) for array in flat]
