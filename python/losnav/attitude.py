@@ -1,13 +1,14 @@
 """Attitude representations, the maps between them, and the error between two attitudes.
 
 ``dcm`` takes reference components to body components, ``v_body = dcm @ v_ref``. A quaternion is scalar last,
-``[x, y, z, w]``, unit, and the orientation of the body in the reference frame; modified Rodrigues parameters are
-``mrp = q_v / (1 + q_w)``. As a SciPy rotation, ``Rotation.from_quat(q).as_matrix() == dcm.T`` and ``.as_mrp() == mrp``.
+``[x, y, z, w]``, unit, and the orientation of the body in the reference frame; modified Rodrigues parameters
+are ``mrp = q_v / (1 + q_w)``. As a SciPy rotation, ``Rotation.from_quat(q).as_matrix() == dcm.T`` and
+``.as_mrp() == mrp``.
 
 Every function broadcasts over leading dimensions and returns float64. Results are unique: quaternions have
-``w >= 0`` (at ``w = 0``, a half turn, the first non-zero component is positive) and MRPs lie inside or on the unit
-ball, a rotation of at most 180 degrees. Inputs may be any representative: either sign of a quaternion, either
-MRP set. Large arrays run on all cores without the GIL.
+``w >= 0`` (at ``w = 0``, a half turn, the first non-zero component is positive) and MRPs lie inside or on the
+unit ball, a rotation of at most 180 degrees. Inputs may be any representative: either sign of a quaternion,
+either MRP set. Large arrays run on all cores without the GIL.
 """
 
 from __future__ import annotations
@@ -117,7 +118,8 @@ def dcm_from_quaternion(q: ArrayLike) -> FloatArray:
 def quaternion_from_dcm(dcm: ArrayLike) -> FloatArray:
     """Unit quaternion of a direction cosine matrix, scalar last, ``w >= 0`` (Shepperd 1978).
 
-    Accurate at every angle. A matrix that is orthonormal only to single precision gives a quaternion of unit norm.
+    Accurate at every angle. A matrix that is orthonormal only to single precision gives a quaternion of unit
+    norm.
 
     Parameters
     ----------
@@ -200,8 +202,8 @@ def quaternion_from_mrp(mrp: ArrayLike) -> FloatArray:
 def mrp_shadow(mrp: ArrayLike) -> FloatArray:
     """The other MRP of the same attitude, ``-s / s's``: the rotation the other way round.
 
-    On the unit ball (180 degrees) it is ``-s``. The shadow of no rotation is a full turn, which lies at infinity
-    and is refused.
+    On the unit ball (180 degrees) it is ``-s``. The shadow of no rotation is a full turn, which lies at
+    infinity and is refused.
 
     Parameters
     ----------
@@ -232,7 +234,8 @@ def rotation_error(dcm_true: ArrayLike, dcm_estimate: ArrayLike) -> FloatArray:
 
     True minus estimate, the error all attitude covariances of losnav speak of; for small errors
     ``dcm_true = (I - [dalpha x]) @ dcm_estimate``. The full logarithm: accurate for tiny errors and up to
-    180 degrees, where of the two rotation vectors the one whose first non-zero component is positive is returned.
+    180 degrees, where of the two rotation vectors the one whose first non-zero component is positive is
+    returned.
 
     Parameters
     ----------
@@ -247,7 +250,8 @@ def rotation_error(dcm_true: ArrayLike, dcm_estimate: ArrayLike) -> FloatArray:
     Raises
     ------
     InvalidInputError
-        On wrong shapes, leading dimensions that do not broadcast, NaN, infinity, or a matrix that is no rotation.
+        On wrong shapes, leading dimensions that do not broadcast, NaN, infinity, or a matrix that is no
+        rotation.
 
     Examples
     --------
