@@ -1,5 +1,6 @@
 """Line-of-sight navigation: where am I, how am I oriented, and how well can I know it."""
 
+from losnav import attitude, noise
 from losnav._core import __version__
 from losnav.errors import (
     DegenerateGeometryError,
@@ -26,8 +27,10 @@ __all__ = [
     "Termination",
     "UnobservableError",
     "__version__",
+    "attitude",
     "fisher_information",
     "los_jacobian",
+    "noise",
     "predict_los",
     "solve_pose",
 ]

@@ -1,7 +1,7 @@
 """The one place where arguments become arrays: float64, C order, known shape, finite.
 
-Rust reads well-formed arrays directly and calls :func:`as_float64` only for the rest, so a list, an integer array,
-a strided view or a byte-swapped array is welcome everywhere and costs one copy.
+Rust reads well-formed arrays directly and calls :func:`as_float64` only for the rest, so a list, an integer
+array, a strided view or a byte-swapped array is welcome everywhere and costs one copy.
 """
 
 from __future__ import annotations
@@ -16,17 +16,20 @@ from losnav.errors import InvalidInputError
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 ArrayLike: TypeAlias = npt.ArrayLike
 
-# A direction may carry unnormalised isotropic noise (1e-3 rad and 5 sigma stay well inside); anything further off
-# is not a direction but a mistake.
+# A direction may carry unnormalised isotropic noise (1e-3 rad and 5 sigma stay well inside); anything further
+# off is not a direction but a mistake.
 UNIT_TOLERANCE = 1e-2
 # Orthonormality of a matrix a user calls a rotation: single precision input passes, a typing error does not.
 ROTATION_TOLERANCE = 1e-5
+# Asymmetry and negative eigenvalues of a covariance, relative to its trace.
+COVARIANCE_TOLERANCE = 1e-9
 
 
 def as_float64(value: Any, name: str) -> FloatArray:
     """Convert anything array-like of real numbers to float64 in C order, native byte order."""
     if isinstance(value, np.ma.MaskedArray):
-        raise InvalidInputError(f"{name}: expected a plain array, got a masked array; fill or drop the masked entries")
+        rule = "expected a plain array, got a masked array; fill or drop the masked entries"
+        raise InvalidInputError(f"{name}: {rule}")
     try:
         array = np.asarray(value)
     except (TypeError, ValueError) as error:
@@ -37,6 +40,12 @@ def as_float64(value: Any, name: str) -> FloatArray:
         converted = np.asarray(array, dtype=np.float64, order="C")
     # np.asarray keeps a subclass' memory; Rust wants the base class, contiguous and aligned.
     return np.require(converted, dtype=np.float64, requirements=["C", "A", "E"])
+
+
+def _first(bad: npt.NDArray[np.bool_]) -> tuple[tuple[int, ...], str]:
+    """Index of the first flag, and how the message writes it."""
+    index = tuple(int(i) for i in np.argwhere(bad)[0])
+    return index, str(list(index)) if index else ""
 
 
 def _describe(value: object) -> str:
@@ -51,8 +60,8 @@ def finite(value: Any, name: str) -> FloatArray:
     array = as_float64(value, name)
     good = np.isfinite(array)
     if not good.all():
-        index = tuple(int(i) for i in np.argwhere(~good)[0])
-        raise InvalidInputError(f"{name}{list(index) if index else ''}: expected a finite number, got {array[index]}")
+        index, where = _first(~good)
+        raise InvalidInputError(f"{name}{where}: expected a finite number, got {array[index]}")
     return array
 
 
@@ -88,9 +97,9 @@ def units(value: Any, name: str, tolerance: float = UNIT_TOLERANCE) -> FloatArra
     norm = np.linalg.norm(array, axis=-1)
     bad = ~(np.abs(norm - 1.0) <= tolerance)
     if bad.any():
-        index = tuple(int(i) for i in np.argwhere(bad)[0])
-        where = list(index) if index else ""
-        raise InvalidInputError(f"{name}{where}: expected a unit vector (tolerance {tolerance:g}), got norm {norm[index]:.6g}")
+        index, where = _first(bad)
+        rule = f"expected a unit vector (tolerance {tolerance:g})"
+        raise InvalidInputError(f"{name}{where}: {rule}, got norm {norm[index]:.6g}")
     return array
 
 
@@ -101,17 +110,16 @@ def rotations(value: Any, name: str) -> FloatArray:
         error = np.abs(array @ np.swapaxes(array, -1, -2) - np.eye(3)).max(axis=(-2, -1))
         bad = ~(error <= ROTATION_TOLERANCE) | (np.linalg.det(array) < 0.0)
     if bad.any():
-        index = tuple(int(i) for i in np.argwhere(bad)[0])
-        where = list(index) if index else ""
+        index, where = _first(bad)
         raise InvalidInputError(
-            f"{name}{where}: expected a rotation matrix (orthonormal within {ROTATION_TOLERANCE:g}, determinant +1), "
-            f"got max|R Rᵀ - I| = {float(error[index]):.3g}"
+            f"{name}{where}: expected a rotation matrix (orthonormal within {ROTATION_TOLERANCE:g}, "
+            f"determinant +1), got max|R Rᵀ - I| = {float(error[index]):.3g}"
         )
     return array
 
 
 def broadcast(*named: tuple[str, FloatArray, int]) -> tuple[tuple[int, ...], list[FloatArray]]:
-    """Broadcast leading dimensions: ``(name, array, core dimensions)`` in, ``(batch shape, flat arrays)`` out.
+    """Broadcast leading dimensions: ``(name, array, core dimensions)`` to ``(batch shape, flat arrays)``.
 
     Every returned array is ``(batch, *core)`` in C order.
     """
@@ -127,3 +135,32 @@ def broadcast(*named: tuple[str, FloatArray, int]) -> tuple[tuple[int, ...], lis
         tail = array.shape[array.ndim - core :]
         flat.append(np.ascontiguousarray(np.broadcast_to(array, shape + tail)).reshape((size, *tail)))
     return shape, flat
+
+
+def together(*named: tuple[str, Any, int]) -> list[FloatArray]:
+    """Broadcast leading dimensions of ``(name, value, core dimensions)``, keeping them in the result."""
+    arrays = [(name, as_float64(value, name), core) for name, value, core in named]
+    shape, flat = broadcast(*arrays)
+    return [array.reshape((*shape, *array.shape[1:])) for array in flat]
+
+
+def positive(value: Any, name: str) -> FloatArray:
+    """Finite and greater than zero, any shape."""
+    array = finite(value, name)
+    bad = ~(array > 0.0)
+    if bad.any():
+        index, where = _first(bad)
+        raise InvalidInputError(f"{name}{where}: expected a positive number, got {array[index]}")
+    return array
+
+
+def covariances(value: Any, name: str, size: int = 3) -> FloatArray:
+    """Finite ``(..., size, size)``, symmetric, no negative eigenvalue."""
+    array = matrices(value, name, size, size)
+    tolerance = COVARIANCE_TOLERANCE * np.abs(np.trace(array, axis1=-2, axis2=-1))
+    skewed = np.abs(array - np.swapaxes(array, -1, -2)).max(axis=(-2, -1))
+    bad = (skewed > tolerance) | (np.linalg.eigvalsh(array)[..., 0] < -tolerance)
+    if bad.any():
+        _, where = _first(bad)
+        raise InvalidInputError(f"{name}{where}: expected a symmetric positive semidefinite matrix")
+    return array

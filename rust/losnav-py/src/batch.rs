@@ -4,7 +4,7 @@ use losnav_core::estimators::loss::Loss;
 use losnav_core::estimators::pose::{Chunked, LosObjective};
 use losnav_core::math::real::{Mask, Real};
 use losnav_core::math::sym6::Sym6;
-use losnav_core::math::vec3::{Vec3, dot, scale, sub};
+use losnav_core::math::vec3::{Vec3, dot, scale, splat, sub};
 use losnav_core::models::linearization::Weight;
 use losnav_core::models::sensors::LineOfSight;
 
@@ -52,6 +52,56 @@ impl<L: Loss, F: FnMut(Outcome<f64>)> Job for OnePose<'_, L, F> {
             let outcome = solve(&objective, &start.splat::<S>(), self.options);
             (self.take)(lane_outcome(&outcome, 0));
         }
+    }
+}
+
+/// One pose from many starts, the starts in lanes: for problems of few landmarks.
+pub struct ManyStarts<'a, L> {
+    pub problem: &'a Problem<'a>,
+    pub loss: L,
+    pub options: &'a Options,
+    pub starts: &'a [PoseState<f64>],
+    /// The outcome from each start.
+    pub out: &'a mut [Outcome<f64>],
+}
+
+impl<L: Loss> Job for ManyStarts<'_, L> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes, S: Lanes>(self) {
+        let n = self.problem.los.len();
+        let mut columns = Columns::<V>::with_capacity(n);
+        for row in 0..n {
+            columns.landmarks.push(splat(self.problem.landmarks[row]));
+            columns.los.push(splat(self.problem.los[row]));
+        }
+        for weight in self.problem.weights {
+            columns.weights.push(splat_weight(weight));
+        }
+        let objective = LosObjective { sensor: columns.sensor(), loss: self.loss };
+        for (starts, out) in self.starts.chunks(V::LANES).zip(self.out.chunks_mut(V::LANES)) {
+            let last = starts.len() - 1;
+            let mut start = starts[0].splat::<V>();
+            for axis in 0..3 {
+                start.position[axis] = V::gather(|lane| starts[lane.min(last)].position[axis]);
+            }
+            for axis in 0..4 {
+                start.attitude[axis] = V::gather(|lane| starts[lane.min(last)].attitude[axis]);
+            }
+            let outcome = solve(&objective, &start, self.options);
+            for (lane, slot) in out.iter_mut().enumerate() {
+                *slot = lane_outcome(&outcome, lane);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn splat_weight<V: Real>(weight: &Weight<f64>) -> Weight<V> {
+    match weight {
+        Weight::Scalar(w) => Weight::Scalar(V::splat(*w)),
+        Weight::Full(s) => Weight::Full([splat(s[0]), splat(s[1]), splat(s[2])]),
     }
 }
 

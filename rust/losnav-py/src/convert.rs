@@ -13,6 +13,7 @@ impl<'py> Floats<'py> {
     pub fn new(value: &Bound<'py, PyAny>, name: &str) -> PyResult<Self> {
         if let Ok(array) = value.cast::<PyArrayDyn<f64>>()
             && array.is_c_contiguous()
+            && array.data().is_aligned()
         {
             return Ok(Self(array.clone()));
         }

@@ -253,6 +253,17 @@ pub struct Problem<'a> {
     pub guess: Option<[f64; 6]>,
 }
 
+impl Problem<'_> {
+    /// One number for the weight of a direction: the mean over its three components.
+    pub fn scalar_weight(&self, index: usize) -> f64 {
+        match self.weights.get(index.min(self.weights.len().saturating_sub(1))) {
+            Some(Weight::Scalar(w)) => *w,
+            Some(Weight::Full(s)) => s.iter().flatten().map(|x| x * x).sum::<f64>() / 3.0,
+            None => 1.0,
+        }
+    }
+}
+
 /// Room for what a problem needs beyond the arguments' memory; reused from one problem to the next.
 #[derive(Default)]
 pub struct Scratch {

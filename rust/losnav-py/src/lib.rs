@@ -1,6 +1,7 @@
 //! Private engine of the Python package `losnav`: functions over arrays and a few result objects.
 //!
 //! Public names, docstrings and defaults live in Python; here every argument is taken.
+mod attitude;
 mod batch;
 mod convert;
 mod dispatch;
@@ -17,6 +18,11 @@ mod solution;
 mod _core {
     use pyo3::prelude::*;
 
+    #[pymodule_export]
+    use crate::attitude::{
+        dcm_from_mrp, dcm_from_quaternion, mrp_from_dcm, mrp_from_quaternion, mrp_shadow,
+        quaternion_from_dcm, quaternion_from_mrp, rotation_error,
+    };
     #[pymodule_export]
     use crate::los::{fisher_information, los_jacobian, predict_los};
     #[pymodule_export]

@@ -1,12 +1,15 @@
 //! `solve_pose`: one problem straight through, a batch over the cores with the GIL released.
 use losnav_core::estimators::least_squares::{Method, Options, Outcome, Parametrization, PoseState};
 use losnav_core::estimators::loss::{Loss, Robust, RobustKind, Squared};
+use losnav_core::estimators::minimal::{Pose, candidates};
 use losnav_core::estimators::pose::LosObjective;
+use losnav_core::estimators::ranking::rank;
+use losnav_core::math::rotation::quaternion_from_dcm;
 use losnav_core::models::sensors::LineOfSight;
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
-use crate::batch::{ManyPoses, OnePose};
+use crate::batch::{ManyPoses, ManyStarts, OnePose};
 use crate::dispatch;
 use crate::errors::{BadValue, InvalidInputError, choice_error};
 use crate::inputs::{Arguments, Problem, Problems, Scratch};
@@ -18,6 +21,8 @@ const CHUNK: usize = 256;
 const SERIAL_GUESS_FREE: usize = 8;
 /// Landmarks in all below which threads cost more than they save (about 0.1 ms of work).
 const SERIAL_LANDMARKS: usize = 4000;
+/// From here on eight landmarks at a time are faster than four.
+const WIDE_LANDMARKS: usize = 64;
 /// With more landmarks than this in each problem, they fill the lanes better than problems do.
 const LANE_LANDMARKS: usize = 16;
 
@@ -174,17 +179,51 @@ fn solve_one(problem: &Problem<'_>, settings: &Settings) -> Solved {
 }
 
 fn solve_with<L: Loss>(loss: L, problem: &Problem<'_>, settings: &Settings) -> Solved {
-    let [x, y, z, a, b, c] = problem.guess.unwrap_or_default();
+    let Some([x, y, z, a, b, c]) = problem.guess else { return solve_guess_free(loss, problem, settings) };
     let starts = [PoseState::from_mrp([x, y, z], [a, b, c])];
     let mut best = Record::invalid();
-    dispatch::narrow(OnePose {
-        problem,
-        loss,
-        options: &settings.options,
-        starts: &starts,
-        take: |outcome| best = record(loss, problem, &outcome),
-    });
+    let take = |outcome: Outcome<f64>| best = record(loss, problem, &outcome);
+    let job = OnePose { problem, loss, options: &settings.options, starts: &starts, take };
+    if problem.los.len() < WIDE_LANDMARKS {
+        dispatch::narrow(job)
+    } else {
+        dispatch::wide(job)
+    };
     Solved { best, others: Vec::new() }
+}
+
+/// Polishes every candidate of the minimal solvers and reports the minima of comparable cost.
+fn solve_guess_free<L: Loss>(loss: L, problem: &Problem<'_>, settings: &Settings) -> Solved {
+    let weight = |index: usize| problem.scalar_weight(index);
+    let found = candidates(problem.landmarks, problem.los, weight);
+    let starts: Vec<PoseState<f64>> = found.iter().map(start_from).collect();
+    if starts.is_empty() {
+        return Solved { best: Record::undetermined(problem.los.len()), others: Vec::new() };
+    }
+    let mut outcomes = vec![Outcome::undefined(); starts.len()];
+    let options = &settings.options;
+    if problem.los.len() <= LANE_LANDMARKS {
+        dispatch::wide(ManyStarts { problem, loss, options, starts: &starts, out: &mut outcomes });
+    } else {
+        let mut slots = outcomes.iter_mut();
+        let take = |outcome| {
+            if let Some(slot) = slots.next() {
+                *slot = outcome;
+            }
+        };
+        dispatch::wide(OnePose { problem, loss, options, starts: &starts, take });
+    }
+    let total = (0..problem.los.len()).map(weight).sum();
+    let kept = rank(&mut outcomes, total, degrees_of_freedom(problem.los.len()));
+    let mut records = outcomes.iter().take(kept.max(1)).map(|outcome| record(loss, problem, outcome));
+    let best = records.next().unwrap_or_else(Record::invalid);
+    Solved { best, others: records.collect() }
+}
+
+fn start_from(pose: &Pose) -> PoseState<f64> {
+    let (p, m) = (&pose.position, &pose.dcm);
+    let dcm = [0, 1, 2].map(|i| [m[(i, 0)], m[(i, 1)], m[(i, 2)]]);
+    PoseState { position: [p.x, p.y, p.z], attitude: quaternion_from_dcm(&dcm) }
 }
 
 fn record<L: Loss>(loss: L, problem: &Problem<'_>, outcome: &Outcome<f64>) -> Record {

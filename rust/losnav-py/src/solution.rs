@@ -72,6 +72,12 @@ impl Record {
         }
     }
 
+    /// What stands for a pose no start could be found for: the landmarks do not determine one.
+    pub fn undetermined(n: usize) -> Self {
+        let dof = 2.0 * n as f64 - 6.0;
+        Self { dof, termination: f64::from(Termination::Singular as u8), ..Self::invalid() }
+    }
+
     /// Covariance of `[δp, δα]`, position in reference axes, row by row; NaN where the information is singular.
     fn covariance(&self) -> [f64; 36] {
         let mut out = [f64::NAN; 36];

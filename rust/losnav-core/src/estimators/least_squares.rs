@@ -183,6 +183,21 @@ pub struct Outcome<T: Real> {
     pub converged: T::Mask,
 }
 
+impl Outcome<f64> {
+    /// No outcome yet.
+    #[must_use]
+    pub fn undefined() -> Self {
+        Self {
+            pose: PoseState { position: [f64::NAN; 3], attitude: [f64::NAN; 4] },
+            cost: f64::NAN,
+            information: Sym6([f64::NAN; 21]),
+            iterations: 0.0,
+            termination: Termination::NonFinite.code(),
+            converged: false,
+        }
+    }
+}
+
 /// A step and what the model promises of it.
 struct Step<T: Real> {
     trial: PoseState<T>,
@@ -335,7 +350,7 @@ impl<T: Real> Iterate<T> {
 
 /// Cost below which only rounding is left: a few units in the last place of every direction.
 #[inline(always)]
-fn rounding_floor<T: Real>(total_weight: T) -> T {
+pub(crate) fn rounding_floor<T: Real>(total_weight: T) -> T {
     T::splat(64.0 * T::EPSILON * T::EPSILON) * total_weight
 }
 

@@ -4,3 +4,4 @@ pub mod loss;
 pub mod minimal;
 pub mod normal_equations;
 pub mod pose;
+pub mod ranking;

@@ -1,5 +1,6 @@
 //! Mathematics true of all rotations, directions and symmetric matrices.
 pub mod real;
+pub mod rotation;
 pub mod so3;
 pub mod sym6;
 pub mod vec3;
