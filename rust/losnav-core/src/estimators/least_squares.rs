@@ -17,7 +17,7 @@ use crate::math::so3::{
     rotation_from_mrp_rate, step,
 };
 use crate::math::sym6::{Ldl6, Sym6};
-use crate::math::vec3::{Mat3, Vec3, add, dot, rotate_transposed};
+use crate::math::vec3::{Mat3, Vec3, add, cross, dot, rotate, rotate_transposed, sub};
 
 /// Least ratio of the smallest to the largest scaled singular value of a full-rank problem.
 ///
@@ -162,6 +162,8 @@ pub trait PoseObjective<T: Real> {
     fn linearize(&self, pose: &PoseState<T>) -> NormalEquations<T>;
     /// The same, and the true Hessian beside Gauss–Newton's.
     fn linearize_twice(&self, pose: &PoseState<T>) -> (NormalEquations<T>, Sym6<T>);
+    /// The middle of the scene, reference frame.
+    fn anchor(&self) -> Vec3<T>;
     /// Sum of the weights: the unit in which a cost is negligible.
     fn total_weight(&self) -> T;
 }
@@ -217,12 +219,14 @@ pub fn solve<T: Real, O: PoseObjective<T>>(
     let lm = options.method == Method::LevenbergMarquardt;
     let mut iterate = Iterate::start(objective, guess, options);
     let floor = rounding_floor(objective.total_weight());
+    let anchor = objective.anchor();
     for _ in 0..options.max_iterations {
         if !iterate.active.any() {
             break;
         }
         iterate.count();
-        let step = propose(&iterate.pose, &iterate.equations, iterate.damping, options.parametrization);
+        let step =
+            propose(&iterate.pose, &iterate.equations, iterate.damping, anchor, options.parametrization);
         iterate.settle(&step, floor, options);
         if !iterate.active.any() {
             break;
@@ -360,17 +364,14 @@ fn propose<T: Real>(
     pose: &PoseState<T>,
     equations: &NormalEquations<T>,
     damping: T,
+    anchor: Vec3<T>,
     parametrization: Parametrization,
 ) -> Step<T> {
     let dcm = dcm_from_quaternion(pose.attitude);
     match parametrization {
         Parametrization::Rotation => {
             let (delta, predicted, solvable) = damped_solve(equations, damping);
-            let shift = rotate_transposed(&dcm, [delta[0], delta[1], delta[2]]);
-            let trial = PoseState {
-                position: add(pose.position, shift),
-                attitude: step(pose.attitude, [delta[3], delta[4], delta[5]]),
-            };
+            let trial = orbit(pose, &dcm, anchor, &delta);
             Step { trial, predicted, size2: step_size2(&equations.hessian, &delta), solvable }
         }
         Parametrization::Mrp => {
@@ -386,6 +387,19 @@ fn propose<T: Real>(
             Step { trial, predicted, size2: mrp_step_size2(equations, &factor, &delta), solvable }
         }
     }
+}
+
+/// Takes the step `[δp', δα]` along the curve that keeps the scene in view: the rotation turns the observer about
+/// the anchor `c`, the middle of the landmarks. With `t = dcm (c − p)`, the anchor in body axes, the step is
+/// `δt = −δp' − δα × t` and the new position `p = c − dcm'ᵀ (t + δt)`. To first order that is `p + dcmᵀ δp'`; but a
+/// tilt of a distant scene is known far worse than its direction, and the valley this makes is bent like the orbit.
+#[inline(always)]
+fn orbit<T: Real>(pose: &PoseState<T>, dcm: &Mat3<T>, anchor: Vec3<T>, delta: &[T; 6]) -> PoseState<T> {
+    let rotation = [delta[3], delta[4], delta[5]];
+    let t = rotate(dcm, sub(anchor, pose.position));
+    let moved = sub(sub(t, [delta[0], delta[1], delta[2]]), cross(rotation, t));
+    let attitude = step(pose.attitude, rotation);
+    PoseState { position: sub(anchor, rotate_transposed(&dcm_from_quaternion(attitude), moved)), attitude }
 }
 
 /// `(δ, predicted decrease, is the system positive definite)`.
@@ -417,7 +431,7 @@ fn step_size2<T: Real>(h: &Sym6<T>, delta: &[T; 6]) -> T {
 
 #[inline(always)]
 fn mrp_step_size2<T: Real>(equations: &NormalEquations<T>, factor: &Mat3<T>, delta: &[T; 6]) -> T {
-    let a = crate::math::vec3::rotate(factor, [delta[3], delta[4], delta[5]]);
+    let a = rotate(factor, [delta[3], delta[4], delta[5]]);
     step_size2(&equations.hessian, &[delta[0], delta[1], delta[2], a[0], a[1], a[2]])
 }
 

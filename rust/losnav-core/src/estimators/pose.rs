@@ -4,7 +4,7 @@ use crate::estimators::loss::Loss;
 use crate::estimators::normal_equations::{NormalEquations, NormalEquationsSink};
 use crate::math::real::Real;
 use crate::math::sym6::Sym6;
-use crate::math::vec3::Mat3;
+use crate::math::vec3::{Mat3, Vec3, add, scale};
 use crate::models::kinematics::Kinematics;
 use crate::models::linearization::{Direction, Sink, Weight};
 use crate::models::sensors::LineOfSight;
@@ -104,6 +104,17 @@ impl<T: Real, L: Loss> PoseObjective<T> for LosObjective<'_, T, L> {
     }
 
     #[inline(always)]
+    fn anchor(&self) -> Vec3<T> {
+        let mut sum = [T::zero(); 3];
+        let mut count = T::zero();
+        for landmark in self.sensor.landmarks {
+            sum = add(sum, *landmark);
+            count += T::one();
+        }
+        scale(count.recip(), sum)
+    }
+
+    #[inline(always)]
     fn total_weight(&self) -> T {
         let mut weight = T::one();
         let mut total = T::zero();
@@ -144,6 +155,13 @@ impl<S: Real, V: Real, L: Loss> PoseObjective<S> for Chunked<'_, V, L> {
     fn linearize_twice(&self, pose: &PoseState<S>) -> (NormalEquations<S>, Sym6<S>) {
         let (equations, exact) = self.lanes.linearize_twice(&pose.splat());
         (equations.sum_lanes(), exact.sum_lanes())
+    }
+
+    #[inline(always)]
+    fn anchor(&self) -> Vec3<S> {
+        let [x, y, z] = self.lanes.anchor();
+        let share = S::splat(1.0 / V::LANES as f64);
+        [share * S::splat(x.sum_lanes()), share * S::splat(y.sum_lanes()), share * S::splat(z.sum_lanes())]
     }
 
     #[inline(always)]
