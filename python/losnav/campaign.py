@@ -135,9 +135,9 @@ def _count(argument: str, value: int, least: int = 1) -> int:
     try:
         number = operator.index(value)
     except TypeError:
-        raise InvalidInputError(argument, "an integer", repr(value)) from None
+        raise InvalidInputError(f"{argument}: expected an integer, got {value!r}") from None
     if number < least:
-        raise InvalidInputError(argument, f"at least {least}", str(number))
+        raise InvalidInputError(f"{argument}: expected at least {least}, got {number}")
     return number
 
 
@@ -164,9 +164,9 @@ def _block(task: Task, seed: int, start: int, stop: int) -> Arrays:
     arrays = {name: np.asarray(values) for name, values in task(seeds).items()}
     for name, values in arrays.items():
         if values.ndim == 0 or len(values) != len(seeds):
-            raise InvalidInputError(f"task()[{name!r}]", f"{len(seeds)} rows, one for each seed", f"shape {values.shape}")
+            raise InvalidInputError(f"task()[{name!r}]: expected {len(seeds)} rows, one for each seed, got shape {values.shape}")
     if not arrays:
-        raise InvalidInputError("task()", "at least one array", "none")
+        raise InvalidInputError("task(): expected at least one array, got none")
     return arrays
 
 
@@ -222,16 +222,16 @@ class _Store:
             folder.mkdir(parents=True, exist_ok=True)
             found = json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
         except (OSError, ValueError) as error:
-            raise InvalidInputError("out", "a folder for checkpoints", f"{folder}: {error}") from None
+            raise InvalidInputError(f"out: expected a folder for checkpoints, got {folder}: {error}") from None
         if found is None:
             self._replace(path, lambda file: file.write(json.dumps(manifest, indent=1).encode()))
             return
         if not resume:
-            raise InvalidInputError("out", "a folder without a campaign, or resume", f"{folder}, which holds one")
+            raise InvalidInputError(f"out: expected a folder without a campaign, or resume, got {folder}, which holds one")
         different = [key for key in manifest if found.get(key) != manifest[key]]
         if different:
             got = ", ".join(f"{key} {_brief(found.get(key))} instead of {_brief(manifest[key])}" for key in different)
-            raise InvalidInputError("out", "the campaign to resume", f"{folder} with {got}")
+            raise InvalidInputError(f"out: expected the campaign to resume, got {folder} with {got}")
         for leftover in folder.glob(".*.tmp"):
             leftover.unlink(missing_ok=True)
 

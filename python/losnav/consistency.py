@@ -104,7 +104,7 @@ def _quantile(p: float, dof: float) -> float:
 def _broadcast(function: Callable[[float, float], float], x: ArrayLike, dof: ArrayLike) -> NDArray[np.float64]:
     freedom = np.asarray(dof, dtype=np.float64)
     if np.any(freedom <= 0.0):
-        raise InvalidInputError("dof", "positive degrees of freedom", f"{freedom.min():g}")
+        raise InvalidInputError(f"dof: expected positive degrees of freedom, got {freedom.min():g}")
     values = np.vectorize(function, otypes=[np.float64])(x, freedom)
     return np.asarray(values)[()]
 
@@ -195,7 +195,7 @@ def chi2_quantile(probability: ArrayLike, dof: ArrayLike) -> NDArray[np.float64]
     """
     p = np.asarray(probability, dtype=np.float64)
     if not np.all((p >= 0.0) & (p <= 1.0)):
-        raise InvalidInputError("probability", "a probability in [0, 1]", str(probability))
+        raise InvalidInputError(f"probability: expected a probability in [0, 1], got {probability}")
     return _broadcast(_quantile, p, dof)
 
 
@@ -230,7 +230,7 @@ def nees_bounds(dof: float, runs: int = 1, confidence: float = 0.999) -> tuple[f
     [5.71, 6.3]
     """
     if runs < 1:
-        raise InvalidInputError("runs", "at least 1", str(runs))
+        raise InvalidInputError(f"runs: expected at least 1, got {runs}")
     tail = 0.5 * (1.0 - _checked_confidence(confidence))
     low, high = chi2_quantile([tail, 1.0 - tail], float(dof) * runs)
     return float(low) / runs, float(high) / runs
@@ -238,7 +238,7 @@ def nees_bounds(dof: float, runs: int = 1, confidence: float = 0.999) -> tuple[f
 
 def _checked_confidence(confidence: float) -> float:
     if not 0.0 < confidence < 1.0:
-        raise InvalidInputError("confidence", "a number in (0, 1)", str(confidence))
+        raise InvalidInputError(f"confidence: expected a number in (0, 1), got {confidence}")
     return confidence
 
 
@@ -303,7 +303,7 @@ def binomial_interval(successes: int, trials: int, confidence: float = 0.95) -> 
     """
     k, n = int(successes), int(trials)
     if n < 1 or not 0 <= k <= n:
-        raise InvalidInputError("successes, trials", "0 <= successes <= trials and trials >= 1", f"{k}, {n}")
+        raise InvalidInputError(f"successes, trials: expected 0 <= successes <= trials and trials >= 1, got {k}, {n}")
     tail = 0.5 * (1.0 - _checked_confidence(confidence))
     low = 0.0 if k == 0 else _beta_quantile(tail, k, n - k + 1)
     high = 1.0 if k == n else _beta_quantile(1.0 - tail, k + 1, n - k)
@@ -353,7 +353,7 @@ def bootstrap_interval(
     """
     values = np.asarray(samples, dtype=np.float64).ravel()
     if values.size == 0:
-        raise InvalidInputError("samples", "at least one value", "none")
+        raise InvalidInputError("samples: expected at least one value, got none")
     tail = 0.5 * (1.0 - _checked_confidence(confidence))
     rng = np.random.default_rng(seed)
     draws = np.empty(resamples)

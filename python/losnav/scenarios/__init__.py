@@ -75,12 +75,12 @@ def load(name: str, **overrides: object) -> Scenario:
     6e-06
     """
     if name not in NAMES:
-        raise InvalidInputError("name", f"one of {', '.join(NAMES)}", repr(name))
+        raise InvalidInputError(f"name: expected one of {', '.join(NAMES)}, got {name!r}")
     if name not in _REGISTRY:
         raise LosnavError(f"scenario {name!r} is not in this version; available: {', '.join(available())}")
     module, attribute = _REGISTRY[name]
     scenario = getattr(importlib.import_module(module), attribute)
     known = set(scenario.__dataclass_fields__)
     if unknown := sorted(set(overrides) - known):
-        raise InvalidInputError(unknown[0], f"a parameter of {name}: {', '.join(sorted(known))}", "an unknown one")
+        raise InvalidInputError(f"{unknown[0]}: expected a parameter of {name}: {', '.join(sorted(known))}, got an unknown one")
     return cast(Scenario, scenario(**overrides))

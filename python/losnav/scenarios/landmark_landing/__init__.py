@@ -126,22 +126,22 @@ class LandmarkLanding:
         for name in ("initial_position", "initial_velocity", "initial_mrp", "initial_rate"):
             object.__setattr__(self, name, _floats(name, getattr(self, name), 3))
         if len(self.landmarks) < 4:
-            raise InvalidInputError("landmarks", "at least 4 landmarks", str(len(self.landmarks)))
+            raise InvalidInputError(f"landmarks: expected at least 4 landmarks, got {len(self.landmarks)}")
         object.__setattr__(self, "landmarks", tuple(_floats("landmarks", row, 3) for row in self.landmarks))
         for name in ("cold_times", "cold_offsets", "cold_angles"):
             object.__setattr__(self, name, _floats(name, getattr(self, name)))
         for field in fields(self):
             value = getattr(self, field.name)
             if isinstance(value, (int, float)) and not (math.isfinite(value) and value > 0):
-                raise InvalidInputError(field.name, "a positive number", repr(value))
+                raise InvalidInputError(f"{field.name}: expected a positive number, got {value!r}")
         if self.noise not in ("tangent", "focal-plane"):
-            raise InvalidInputError("noise", "'tangent' or 'focal-plane'", repr(self.noise))
+            raise InvalidInputError(f"noise: expected 'tangent' or 'focal-plane', got {self.noise!r}")
         if not self.sampling <= self.duration:
-            raise InvalidInputError("sampling", f"at most the duration, {self.duration:g} s", f"{self.sampling:g} s")
+            raise InvalidInputError(f"sampling: expected at most the duration, {self.duration:g} s, got {self.sampling:g} s")
         if not all(0.0 <= t <= self.duration for t in self.cold_times):
-            raise InvalidInputError("cold_times", f"times in [0, {self.duration:g}] s", str(self.cold_times))
+            raise InvalidInputError(f"cold_times: expected times in [0, {self.duration:g}] s, got {self.cold_times}")
         if not self.min_landmarks <= len(self.landmarks):
-            raise InvalidInputError("min_landmarks", f"at most {len(self.landmarks)}", str(self.min_landmarks))
+            raise InvalidInputError(f"min_landmarks: expected at most {len(self.landmarks)}, got {self.min_landmarks}")
 
     @property
     def los_sigma(self) -> float:
@@ -228,7 +228,7 @@ def _floats(name: str, values: object, length: int | None = None) -> tuple[float
     try:
         row = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
-        raise InvalidInputError(name, expected, repr(values)) from None
+        raise InvalidInputError(f"{name}: expected {expected}, got {values!r}") from None
     if row.ndim != 1 or row.size == 0 or (length is not None and row.size != length) or not np.isfinite(row).all():
-        raise InvalidInputError(name, f"{expected}, finite", repr(values))
+        raise InvalidInputError(f"{name}: expected {expected}, finite, got {values!r}")
     return tuple(float(x) for x in row)
