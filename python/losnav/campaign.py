@@ -255,8 +255,9 @@ class _Store:
     @staticmethod
     def _load(path: Path) -> Arrays | None:
         try:
-            with np.load(path, allow_pickle=False) as file:
-                return {name: file[name] for name in file.files}
+            # Opened here: NumPy leaves the file it opened itself open when the archive is damaged.
+            with open(path, "rb") as file, np.load(file, allow_pickle=False) as archive:
+                return {name: archive[name] for name in archive.files}
         except (FileNotFoundError, zipfile.BadZipFile, EOFError, ValueError):
             # Absent or damaged (a disk error: renaming never leaves half a file): compute it again.
             return None

@@ -1,0 +1,174 @@
+"""What ``losnav solve-pose`` says about a pose: values, 1-sigma, fit, outliers, and what is weak in words."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+import losnav as ln
+from losnav.consistency import chi2_quantile, chi2_sf
+
+if TYPE_CHECKING:
+    from losnav.cli.solve_pose import Problem
+
+__all__ = ["report_json", "report_text"]
+
+Array = NDArray[np.float64]
+
+# Two-sided: a right model fails one fit in 500.
+_DOUBT = 1e-3
+# Chance that a fit of right measurements names any of them suspicious.
+_FALSE_ALARM = 1e-3
+_LISTED = 12
+
+
+def report_json(problem: Problem, solution: ln.PoseSolution, inliers: NDArray[np.bool_]) -> dict[str, Any]:
+    """The report as a dictionary that JSON can hold: SI units, radians, and degrees where the name says so."""
+    covariance, scale = _covariance(problem, solution)
+    sigma = np.sqrt(np.diag(covariance))
+    suspicious = _suspicious(problem, solution, inliers)
+    return {
+        "converged": bool(solution.converged),
+        "termination": ln.Termination(int(solution.termination)).name.lower().replace("_", "-"),
+        "iterations": int(solution.iterations),
+        "position_m": _list(solution.position),
+        "quaternion_xyzw": _list(solution.quaternion),
+        "mrp": _list(solution.mrp),
+        "dcm": [_list(row) for row in solution.dcm],
+        "sigma_position_m": _list(sigma[:3]),
+        "sigma_attitude_deg": _list(np.degrees(sigma[3:])),
+        "covariance": [_list(row) for row in covariance],
+        "sigma_los_rad": scale if problem.sigma is None else None,
+        "chi2": None if problem.sigma is None else _finite(solution.chi2),
+        "dof": int(solution.dof),
+        "p_value": None if problem.sigma is None else _finite(_p_value(solution)),
+        "fit": _fit(problem, solution, scale, not inliers.all()),
+        "observations": len(problem.ids),
+        "unobserved_landmarks": problem.unobserved,
+        "rejected": [k for k, kept in zip(problem.ids, inliers, strict=True) if not kept],
+        "suspicious": suspicious,
+        "weakest": _weakest(problem, covariance),
+        "alternatives": [
+            {"position_m": _list(other.position), "quaternion_xyzw": _list(other.quaternion), "chi2": _finite(other.chi2)}
+            for other in solution.alternatives
+        ],
+    }
+
+
+def report_text(problem: Problem, solution: ln.PoseSolution, inliers: NDArray[np.bool_]) -> str:
+    """The report for a person."""
+    facts = report_json(problem, solution, inliers)
+    lines = []
+    if not facts["converged"]:
+        lines.append(f"NOT CONVERGED ({facts['termination']} after {facts['iterations']} iterations); do not use this pose")
+    used = int(np.count_nonzero(inliers))
+    lines.append(f"pose from {used} of {len(problem.ids)} observations (camera axes: x right, y down, z forward)")
+    for name, value, sigma in zip("xyz", facts["position_m"], facts["sigma_position_m"], strict=True):
+        lines.append(f"  {name}          {_number(value):>16} m     1-sigma {_number(sigma, '.3g')} m")
+    quaternion = ", ".join(_number(v, ".9f") for v in facts["quaternion_xyzw"])
+    lines.append(f"  quaternion [{quaternion}]  (x, y, z, w; camera from landmark frame)")
+    lines.append(f"  MRP        [{', '.join(_number(v, '.9f') for v in facts['mrp'])}]")
+    sigmas = ", ".join(_number(v, ".3g") for v in facts["sigma_attitude_deg"])
+    lines.append(f"  attitude   1-sigma {sigmas} deg about camera x, y, z")
+    lines.append(f"fit: {facts['fit']}")
+    if facts["rejected"]:
+        lines.append(f"rejected as wrong matches ({len(facts['rejected'])}): {_names(facts['rejected'])}")
+    if facts["suspicious"]:
+        found = [f"{entry['id']} ({entry['sigmas']:.1f} sigma)" for entry in facts["suspicious"]]
+        lines.append(f"suspicious ({len(found)}): {_names(found)}")
+    lines.append(f"weakest: {facts['weakest']}")
+    for other in facts["alternatives"]:
+        place = ", ".join(_number(v) for v in other["position_m"])
+        lines.append(f"another pose fits comparably: position ({place}) m, chi2 {_number(other['chi2'], '.4g')}")
+    return "\n".join(lines)
+
+
+def _covariance(problem: Problem, solution: ln.PoseSolution) -> tuple[Array, float | None]:
+    """Covariance of the pose; without a given noise it is scaled by what the residuals show (then also returned)."""
+    covariance = np.asarray(solution.covariance)
+    if problem.sigma is not None:
+        return covariance, None
+    if int(solution.dof) < 1:
+        return np.full((6, 6), np.nan), None
+    variance = float(solution.chi2) / int(solution.dof)
+    return covariance * variance, float(np.sqrt(variance))
+
+
+def _p_value(solution: ln.PoseSolution) -> float:
+    dof = int(solution.dof)
+    return float(chi2_sf(float(solution.chi2), dof)) if dof > 0 and np.isfinite(solution.chi2) else np.nan
+
+
+def _fit(problem: Problem, solution: ln.PoseSolution, scale: float | None, rejecting: bool) -> str:
+    """The residuals in words."""
+    dof = int(solution.dof)
+    if problem.sigma is None:
+        if scale is None:
+            return "three observations are always met exactly and no sigma was given: nothing can be said of accuracy"
+        return f"residuals show {scale:.3g} rad 1-sigma per axis, which scales the 1-sigma above (no --sigma given)"
+    chi2 = float(solution.chi2)
+    if dof < 1:
+        return f"chi2 {chi2:.4g} for 0 degrees of freedom: three observations are always met exactly and cannot be checked"
+    p = _p_value(solution)
+    head = f"chi2 {chi2:.1f} for {dof} degrees of freedom, p = {p:.2g}"
+    ratio = np.sqrt(chi2 / dof)
+    if p < _DOUBT:
+        hint = "sigma too small, or wrong matches left" if rejecting else "sigma too small, or wrong matches (try --robust)"
+        return f"{head}: residuals {ratio:.3g} times larger than sigma allows; {hint}"
+    if p > 1 - _DOUBT:
+        return f"{head}: residuals {ratio:.2g} times sigma; sigma is probably too large, and so is the 1-sigma above"
+    return f"{head}: consistent with sigma"
+
+
+def _suspicious(problem: Problem, solution: ln.PoseSolution, inliers: NDArray[np.bool_]) -> list[dict[str, Any]]:
+    """Observations used whose residual is larger than chance allows, worst first."""
+    if problem.sigma is None or int(solution.dof) < 1 or not np.isfinite(solution.position).all():
+        return []
+    residual = problem.los - ln.predict_los(problem.landmarks, solution.position, solution.mrp)
+    if problem.covariance is not None:
+        square = np.einsum("ni,ni->n", residual, np.linalg.solve(problem.covariance, residual[..., None])[..., 0])
+    else:
+        square = np.sum(residual**2, axis=1) / problem.sigma**2
+    limit = float(chi2_quantile(1 - _FALSE_ALARM / len(square), 2))
+    order = np.argsort(-square)
+    return [
+        {"id": problem.ids[k], "sigmas": float(np.sqrt(square[k]))} for k in order if inliers[k] and square[k] > limit
+    ]
+
+
+def _weakest(problem: Problem, covariance: Array) -> str:
+    """The least known direction of position and axis of attitude, in words and numbers."""
+    if not np.isfinite(covariance).all():
+        return "unknown: the pose has no covariance"
+    values, vectors = np.linalg.eigh(covariance[:3, :3])
+    best, worst = np.sqrt(np.maximum(values[[0, 2]], 0.0))
+    direction = vectors[:, 2] * (1 if vectors[np.argmax(abs(vectors[:, 2])), 2] > 0 else -1)
+    axis_values, axes = np.linalg.eigh(covariance[3:, 3:])
+    turn, axis = np.degrees(np.sqrt(max(axis_values[2], 0.0))), axes[:, 2]
+    cross = covariance[:3, 3:] @ axis
+    correlation = abs(direction @ cross) / (worst * np.radians(turn)) if worst > 0 and turn > 0 else 0.0
+    name = ("x (right)", "y (down)", "z (boresight)")[int(np.argmax(abs(axis)))]
+    text = f"position along ({direction[0]:.2f}, {direction[1]:.2f}, {direction[2]:.2f}), 1-sigma {worst:.3g} m"
+    text += f", {worst / best:.1f} times the best direction; " if best > 0 else "; "
+    text += f"attitude mostly about camera {name}, 1-sigma {turn:.3g} deg"
+    if correlation > 0.9:
+        text += f"; the two errors go together (correlation {correlation:.3f})"
+    return text
+
+
+def _names(names: list[str]) -> str:
+    return ", ".join(names[:_LISTED]) + (f", … and {len(names) - _LISTED} more" if len(names) > _LISTED else "")
+
+
+def _list(values: Any) -> list[float | None]:
+    return [_finite(value) for value in np.asarray(values)]
+
+
+def _finite(value: Any) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _number(value: float | None, form: str = ".6f") -> str:
+    return "unknown" if value is None else format(value, form)
