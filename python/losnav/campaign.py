@@ -1,13 +1,17 @@
 """Monte Carlo campaigns: any executor, exact checkpoints, the same bits for any number of workers.
 
-A campaign is ``runs`` independent repetitions of a task, cut into blocks of consecutive runs. The task receives the seeds of one
-block and returns arrays whose first axis counts the runs, so it can solve the whole block as one batch.
+A campaign is ``runs`` independent repetitions of a task, cut into blocks of consecutive runs. The task
+receives the seeds of one block and returns arrays whose first axis counts the runs, so it can solve the whole
+block as one batch.
 
-1. Run ``k`` draws all its random numbers from ``SeedSequence(seed).spawn(runs)[k]``, wherever and whenever it is computed.
-2. The cut into blocks depends on ``runs`` and ``block`` alone, never on the executor. A task therefore sees the same batches, and
-   returns the same bits, with 1, 2 or 8 workers (on machines with the same instruction set).
-3. Each finished block is written to ``out`` under a temporary name, flushed to the disk and renamed: a block is there whole or not at
-   all. A process killed anywhere resumes from the blocks it finds and ends with the bits of an uninterrupted campaign.
+1. Run ``k`` draws all its random numbers from ``SeedSequence(seed).spawn(runs)[k]``, wherever and whenever it
+   is computed.
+2. The cut into blocks depends on ``runs`` and ``block`` alone, never on the executor. A task therefore sees
+   the same batches, and returns the same bits, with 1, 2 or 8 workers (on machines with the same instruction
+   set).
+3. Each finished block is written to ``out`` under a temporary name, flushed to the disk and renamed: a block
+   is there whole or not at all. A process killed anywhere resumes from the blocks it finds and ends with the
+   bits of an uninterrupted campaign.
 4. Only the calling process touches ``out``; workers return arrays, so they may live on other machines.
 """
 
@@ -66,8 +70,9 @@ def run_campaign(
     Parameters
     ----------
     task : callable
-        ``task(seeds) -> {name: array}`` with one row for each seed. It must be picklable for executors that use other
-        processes: a module-level function, a ``functools.partial`` of one, or an instance of a module-level class.
+        ``task(seeds) -> {name: array}`` with one row for each seed. It must be picklable for executors that
+        use other processes: a module-level function, a ``functools.partial`` of one, or an instance of a
+        module-level class.
     runs : int
         Number of runs, at least 1.
     seed : int
@@ -75,14 +80,17 @@ def run_campaign(
     block : int
         Runs handed to ``task`` at a time, and the grain of the checkpoints. Part of the campaign's identity.
     executor : concurrent.futures.Executor, optional
-        Where blocks run: a thread or process pool, Dask's ``client.get_executor()``, ``mpi4py.futures.MPIPoolExecutor``… None
-        runs them here, one after the other. The executor is not shut down.
+        Where blocks run: a thread or process pool, Dask's ``client.get_executor()``,
+        ``mpi4py.futures.MPIPoolExecutor``… None runs them here, one after the other. The executor is not shut
+        down.
     out : path, optional
         Folder of the checkpoints and of the final ``results.npz``. Created if absent.
     resume : bool
-        Continue the campaign found in ``out``. Without it a folder that already holds one is refused, never overwritten.
+        Continue the campaign found in ``out``. Without it a folder that already holds one is refused, never
+        overwritten.
     progress : bool or callable
-        True shows a bar on standard error if that is a terminal (nothing otherwise); a callable receives ``(done, total)``.
+        True shows a bar on standard error if that is a terminal (nothing otherwise); a callable receives
+        ``(done, total)``.
     describe : mapping, optional
         JSON-able description of the task (name, parameters). Stored in ``out`` and compared on resume.
 
@@ -94,11 +102,13 @@ def run_campaign(
     Raises
     ------
     InvalidInputError
-        If an argument is out of range, ``out`` holds another campaign, or the task returns arrays of the wrong length.
+        If an argument is out of range, ``out`` holds another campaign, or the task returns arrays of the
+        wrong length.
 
     Notes
     -----
-    An interrupt (Ctrl-C) or an exception of the task cancels what has not started, stores what has finished, and is raised again.
+    An interrupt (Ctrl-C) or an exception of the task cancels what has not started, stores what has finished,
+    and is raised again.
 
     Examples
     --------
@@ -164,7 +174,9 @@ def _block(task: Task, seed: int, start: int, stop: int) -> Arrays:
     arrays = {name: np.asarray(values) for name, values in task(seeds).items()}
     for name, values in arrays.items():
         if values.ndim == 0 or len(values) != len(seeds):
-            raise InvalidInputError(f"task()[{name!r}]: expected {len(seeds)} rows, one for each seed, got shape {values.shape}")
+            raise InvalidInputError(
+                f"task()[{name!r}]: expected {len(seeds)} rows, one for each seed, got shape {values.shape}"
+            )
     if not arrays:
         raise InvalidInputError("task(): expected at least one array, got none")
     return arrays
@@ -222,15 +234,21 @@ class _Store:
             folder.mkdir(parents=True, exist_ok=True)
             found = json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
         except (OSError, ValueError) as error:
-            raise InvalidInputError(f"out: expected a folder for checkpoints, got {folder}: {error}") from None
+            raise InvalidInputError(
+                f"out: expected a folder for checkpoints, got {folder}: {error}"
+            ) from None
         if found is None:
             self._replace(path, lambda file: file.write(json.dumps(manifest, indent=1).encode()))
             return
         if not resume:
-            raise InvalidInputError(f"out: expected a folder without a campaign, or resume, got {folder}, which holds one")
+            raise InvalidInputError(
+                f"out: expected a folder without a campaign, or resume, got {folder}, which holds one"
+            )
         different = [key for key in manifest if found.get(key) != manifest[key]]
         if different:
-            got = ", ".join(f"{key} {_brief(found.get(key))} instead of {_brief(manifest[key])}" for key in different)
+            got = ", ".join(
+                f"{key} {_brief(found.get(key))} instead of {_brief(manifest[key])}" for key in different
+            )
             raise InvalidInputError(f"out: expected the campaign to resume, got {folder} with {got}")
         for leftover in folder.glob(".*.tmp"):
             leftover.unlink(missing_ok=True)
@@ -305,8 +323,9 @@ def _plain_bar(done: int, total: int) -> None:
 def worker_pool(jobs: int) -> concurrent.futures.ProcessPoolExecutor:
     """Make a pool of worker processes suited to campaigns on this machine.
 
-    The workers are started afresh (never forked from a process that may already run threads), each solves its batches on one core, and
-    they leave Ctrl-C to the calling process, which stores what has finished before it stops.
+    The workers are started afresh (never forked from a process that may already run threads), each solves its
+    batches on one core, and they leave Ctrl-C to the calling process, which stores what has finished before
+    it stops.
 
     Parameters
     ----------

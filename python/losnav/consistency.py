@@ -1,13 +1,14 @@
 """Is an estimator as good as it says?  Chi-square bounds and confidence intervals.
 
-A normalised squared error (NEES, NIS, the chi² of a fit) of a consistent estimator follows a chi-square law whose degrees of
-freedom are known, so a Monte Carlo mean has an *exact* acceptance band and needs no rule of thumb. This module holds the
-distribution functions that band needs, with NumPy as the only dependency, and two intervals for
-quantities that are not chi-square: the exact binomial interval of Clopper and Pearson (success rates) and the percentile bootstrap
-(medians, means of iteration counts).
+A normalised squared error (NEES, NIS, the chi² of a fit) of a consistent estimator follows a chi-square law
+whose degrees of freedom are known, so a Monte Carlo mean has an *exact* acceptance band and needs no rule of
+thumb. This module holds the distribution functions that band needs, with NumPy as the only dependency, and
+two intervals for quantities that are not chi-square: the exact binomial interval of Clopper and Pearson
+(success rates) and the percentile bootstrap (medians, means of iteration counts).
 
-Sources: incomplete gamma and beta functions by series and by modified Lentz continued fractions (Abramowitz & Stegun 6.5.29,
-6.5.31, 26.5.8); Clopper & Pearson, Biometrika 26 (1934); Bar-Shalom, Li & Kirubarajan (2001), section 5.4, for the NEES test.
+Sources: incomplete gamma and beta functions by series and by modified Lentz continued fractions (Abramowitz &
+Stegun 6.5.29, 6.5.31, 26.5.8); Clopper & Pearson, Biometrika 26 (1934); Bar-Shalom, Li & Kirubarajan (2001),
+section 5.4, for the NEES test.
 """
 
 from __future__ import annotations
@@ -101,7 +102,9 @@ def _quantile(p: float, dof: float) -> float:
     return 0.5 * (low + high)
 
 
-def _broadcast(function: Callable[[float, float], float], x: ArrayLike, dof: ArrayLike) -> NDArray[np.float64]:
+def _broadcast(
+    function: Callable[[float, float], float], x: ArrayLike, dof: ArrayLike
+) -> NDArray[np.float64]:
     freedom = np.asarray(dof, dtype=np.float64)
     if np.any(freedom <= 0.0):
         raise InvalidInputError(f"dof: expected positive degrees of freedom, got {freedom.min():g}")
@@ -202,8 +205,9 @@ def chi2_quantile(probability: ArrayLike, dof: ArrayLike) -> NDArray[np.float64]
 def nees_bounds(dof: float, runs: int = 1, confidence: float = 0.999) -> tuple[float, float]:
     """Exact two-sided band of the *mean* of ``runs`` independent normalised squared errors.
 
-    The sum of ``runs`` independent chi-square variables is chi-square with ``runs * dof`` degrees of freedom; the band is its quantile
-    range divided by ``runs``. A consistent estimator falls outside with probability ``1 - confidence``.
+    The sum of ``runs`` independent chi-square variables is chi-square with ``runs * dof`` degrees of freedom;
+    the band is its quantile range divided by ``runs``. A consistent estimator falls outside with probability
+    ``1 - confidence``.
 
     Parameters
     ----------
@@ -243,7 +247,8 @@ def _checked_confidence(confidence: float) -> float:
 
 
 def _incomplete_beta(a: float, b: float, x: float) -> float:
-    """Regularised incomplete beta I_x(a, b) by its continued fraction (A&S 26.5.8), on the side where it converges fast."""
+    """Regularised incomplete beta I_x(a, b) by its continued fraction (A&S 26.5.8), on the side where it
+    converges fast."""
     if x <= 0.0 or x >= 1.0:
         return float(x >= 1.0)
     if x > (a + 1.0) / (a + b + 2.0):
@@ -303,7 +308,9 @@ def binomial_interval(successes: int, trials: int, confidence: float = 0.95) -> 
     """
     k, n = int(successes), int(trials)
     if n < 1 or not 0 <= k <= n:
-        raise InvalidInputError(f"successes, trials: expected 0 <= successes <= trials and trials >= 1, got {k}, {n}")
+        raise InvalidInputError(
+            f"successes, trials: expected 0 <= successes <= trials and trials >= 1, got {k}, {n}"
+        )
     tail = 0.5 * (1.0 - _checked_confidence(confidence))
     low = 0.0 if k == 0 else _beta_quantile(tail, k, n - k + 1)
     high = 1.0 if k == n else _beta_quantile(1.0 - tail, k + 1, n - k)

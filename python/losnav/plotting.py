@@ -52,7 +52,12 @@ def figure_style() -> Iterator[None]:
 
 
 def new_figure(
-    rows: int = 1, columns: int = 1, *, size: tuple[float, float] = (8.0, 5.0), title: str = "", **options: Any
+    rows: int = 1,
+    columns: int = 1,
+    *,
+    size: tuple[float, float] = (8.0, 5.0),
+    title: str = "",
+    **options: Any,
 ) -> tuple[Figure, Any]:
     """Make a figure with a grid of axes, inside :func:`figure_style`.
 

@@ -12,9 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.random import SeedSequence, default_rng
+
 from losnav.campaign import run_campaign, worker_pool
 from losnav.errors import InvalidInputError
-from numpy.random import SeedSequence, default_rng
 
 RUNS, BLOCK, SEED = 23, 4, 11
 
@@ -178,7 +179,9 @@ def test_another_campaign_is_not_resumed(tmp_path, change, name):
         run_campaign(draws, out=tmp_path, resume=True, **{"runs": 4, "describe": {"a": 1}, **change})
 
 
-@pytest.mark.parametrize("arguments", [{"runs": 0}, {"runs": 2.5}, {"runs": 2, "block": 0}, {"runs": 2, "seed": -1}])
+@pytest.mark.parametrize(
+    "arguments", [{"runs": 0}, {"runs": 2.5}, {"runs": 2, "block": 0}, {"runs": 2, "seed": -1}]
+)
 def test_impossible_arguments(arguments):
     with pytest.raises(InvalidInputError):
         run_campaign(draws, **arguments)

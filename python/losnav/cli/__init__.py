@@ -1,7 +1,7 @@
 """The ``losnav`` command.
 
-Exit codes: 0 done; 1 ran, but did not converge, or a claim check failed under ``--strict``; 2 bad input (one line on standard error);
-130 interrupted.
+Exit codes: 0 done; 1 ran, but did not converge, or a claim check failed under ``--strict``; 2 bad input (one
+line on standard error); 130 interrupted.
 """
 
 from __future__ import annotations
@@ -56,10 +56,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     except SystemExit as stop:
         return stop.code if isinstance(stop.code, int) else BAD_INPUT
     except KeyboardInterrupt:
-        print("losnav: interrupted; with --out, finished runs are kept and --resume continues", file=sys.stderr)
+        print(
+            "losnav: interrupted; with --out, finished runs are kept and --resume continues", file=sys.stderr
+        )
         return INTERRUPTED
     except BrokenPipeError:
-        # The reader (head, less) has left; nothing more can be said, not even by the interpreter's last flush.
+        # The reader (head, less) has left; nothing more can be said, not even by the interpreter's last
+        # flush.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except (LosnavError, OSError) as error:

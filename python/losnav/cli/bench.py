@@ -25,11 +25,20 @@ def add_command(commands: Any) -> None:
     command = commands.add_parser(
         "bench",
         help="latency and throughput on this machine",
-        description="Latency percentiles of single solve_pose calls and throughput of a batch on this machine.",
-        epilog="Guess 50 m and 5 degrees off, from 500 m; the whole public call is timed, checks and covariance included.",
+        description=(
+            "Latency percentiles of single solve_pose calls and throughput of a batch on this machine."
+        ),
+        epilog=(
+            "Guess 50 m and 5 degrees off, from 500 m; the whole public call is timed, checks and "
+            "covariance included."
+        ),
     )
-    command.add_argument("--calls", type=int, default=5000, metavar="N", help="timed calls for each size (default 5000)")
-    command.add_argument("--batch", type=int, default=10000, metavar="N", help="poses in the batch (default 10000)")
+    command.add_argument(
+        "--calls", type=int, default=5000, metavar="N", help="timed calls for each size (default 5000)"
+    )
+    command.add_argument(
+        "--batch", type=int, default=10000, metavar="N", help="poses in the batch (default 10000)"
+    )
     command.add_argument("--json", action="store_true", help="print JSON")
     command.set_defaults(command=_bench)
 
@@ -51,8 +60,14 @@ def _bench(arguments: argparse.Namespace) -> int:
     print("solve_pose, guess 50 m and 5° off:")
     for size in sizes:
         latency = ", ".join(f"p{p:g} {size['latency_us'][f'p{p:g}']:.2f}" for p in _PERCENTILES)
-        print(f"  N = {size['landmarks']:<3} one call: {latency}, max {size['latency_us']['max']:.2f} µs", end="")
-        print(f"   batch of {arguments.batch}: {size['batch_ns_each']:.0f} ns each ({size['poses_per_second']:.3g}/s)")
+        print(
+            f"  N = {size['landmarks']:<3} one call: {latency}, max {size['latency_us']['max']:.2f} µs",
+            end="",
+        )
+        print(
+            f"   batch of {arguments.batch}: {size['batch_ns_each']:.0f} ns each "
+            f"({size['poses_per_second']:.3g}/s)"
+        )
     return 0
 
 

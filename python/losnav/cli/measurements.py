@@ -1,15 +1,17 @@
 """Measurement files: landmarks and observations as CSV, pixels turned into lines of sight.
 
-Landmarks are lines ``id, x, y, z`` (metres); observations ``id, ux, uy, uz`` (unit vectors in camera axes) or ``id, u, v`` (pixels). A
-header line is optional; with one, columns may come in any order and others are ignored. Empty lines and lines from a # on are skipped.
-Every error names file and line.
+Landmarks are lines ``id, x, y, z`` (metres); observations ``id, ux, uy, uz`` (unit vectors in camera axes) or
+``id, u, v`` (pixels). A header line is optional; with one, columns may come in any order and others are
+ignored. Empty lines and lines from a # on are skipped. Every error names file and line.
 
 Pixels follow the pinhole of losnav, with radial distortion in normalised coordinates:
 
-    [x_d, y_d] = [x, y] (1 + k1 r² + k2 r⁴),   r² = x² + y²,   [x, y] = [X/Z, Y/Z],   [u, v] = [f_x x_d + c_x, f_y y_d + c_y]
+    [x_d, y_d] = [x, y] (1 + k1 r² + k2 r⁴),   r² = x² + y²,   [x, y] = [X/Z, Y/Z],   [u, v] = [f_x x_d + c_x,
+    f_y y_d + c_y]
 
-with x right, y down and the boresight towards +z (OpenCV's convention). Bundle Adjustment in the Large (BAL) has y up and the camera
-looking along −z: for its pixels, give ``v`` with the opposite sign and turn its rotation by ``diag(1, −1, −1)``.
+with x right, y down and the boresight towards +z (OpenCV's convention). Bundle Adjustment in the Large (BAL)
+has y up and the camera looking along −z: for its pixels, give ``v`` with the opposite sign and turn its
+rotation by ``diag(1, −1, −1)``.
 """
 
 from __future__ import annotations
@@ -44,7 +46,8 @@ class Row:
 
 @dataclass(frozen=True)
 class Observations:
-    """What was seen: identifiers, and unit vectors (N, 3) or pixels (N, 2) with the place of each in its file."""
+    """What was seen: identifiers, and unit vectors (N, 3) or pixels (N, 2) with the place of each in its
+    file."""
 
     ids: tuple[str, ...]
     values: Array
@@ -88,14 +91,16 @@ class Camera:
             scale = self._undistorted(math.hypot(*point))
             if scale is None:
                 raise InvalidInputError(
-                    f"{place}: expected a pixel inside the range of the distortion model, got {observations.values[k].tolist()}"
+                    f"{place}: expected a pixel inside the range of the distortion model, got "
+                    f"{observations.values[k].tolist()}"
                 )
             plane[k] = scale * point
         rays = np.column_stack([plane, np.ones(len(plane))])
         return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
 
     def _undistorted(self, radius: float) -> float | None:
-        """Ratio r/r_d that undoes the distortion at distorted radius r_d, by Newton's method; None where it folds."""
+        """Ratio r/r_d that undoes the distortion at distorted radius r_d, by Newton's method; None where it
+        folds."""
         if radius == 0.0 or self.distortion == (0.0, 0.0):
             return 1.0
         k1, k2 = self.distortion
@@ -114,8 +119,8 @@ class Camera:
     def covariance(self, los: Array, sigma_px: float) -> Array:
         """Covariance of each LOS for white pixel noise, rad², (N, 3) -> (N, 3, 3).
 
-        ``R = s² J J'`` with ``J`` the derivative of the unit vector by the pixel (distortion neglected); ``½ tr(R) bb'`` is added along the
-        LOS, where it does not act, to make it invertible.
+        ``R = s² J J'`` with ``J`` the derivative of the unit vector by the pixel (distortion neglected); ``½
+        tr(R) bb'`` is added along the LOS, where it does not act, to make it invertible.
         """
         tangent = np.eye(3) - los[:, :, None] * los[:, None, :]
         factor = tangent[:, :, :2] * los[:, 2, None, None] * (sigma_px / np.array(self.focal))
@@ -149,7 +154,9 @@ def read_observations(path: Path) -> Observations:
         norms = np.linalg.norm(values, axis=1)
         for row, norm in zip(rows, norms, strict=True):
             if not abs(norm - 1) <= _UNIT_TOLERANCE:
-                raise InvalidInputError(f"{row.place}: expected a unit vector for {row.id!r}, got one of length {norm:.6g}")
+                raise InvalidInputError(
+                    f"{row.place}: expected a unit vector for {row.id!r}, got one of length {norm:.6g}"
+                )
         values = values / norms[:, None]
     return Observations(tuple(row.id for row in rows), values, tuple(row.place for row in rows))
 
@@ -170,7 +177,9 @@ def _read(path: Path, layouts: tuple[tuple[str, ...], ...]) -> list[Row]:
     for number, cells in lines[header:]:
         row = _row(f"{path}:{number}", cells, columns, wanted)
         if row.id in seen:
-            raise InvalidInputError(f"{row.place}: expected each id once, got {row.id!r} again (first at {seen[row.id]})")
+            raise InvalidInputError(
+                f"{row.place}: expected each id once, got {row.id!r} again (first at {seen[row.id]})"
+            )
         seen[row.id] = row.place
         rows.append(row)
     if not rows:
@@ -192,7 +201,8 @@ def _cells(cells: list[str]) -> list[str]:
 def _columns(
     place: str, cells: list[str], layouts: tuple[tuple[str, ...], ...], wanted: str
 ) -> tuple[tuple[int, ...] | int, int]:
-    """Where the columns are, from a header (indices) or from the first data line (their count); and the lines taken."""
+    """Where the columns are, from a header (indices) or from the first data line (their count); and the lines
+    taken."""
     if all(_is_number(cell) for cell in cells[1:]) and len(cells) > 1:
         if len(cells) - 1 not in {len(layout) for layout in layouts}:
             raise InvalidInputError(f"{place}: expected columns {wanted}, got {len(cells)} of them")
@@ -201,13 +211,17 @@ def _columns(
     for layout in layouts:
         if all(names.count(name) == 1 for name in ("id", *layout)):
             return tuple(names.index(name) for name in ("id", *layout)), 1
-    raise InvalidInputError(f"{place}: expected columns {wanted} (numbers, or a header with these names), got {','.join(cells)!r}")
+    raise InvalidInputError(
+        f"{place}: expected columns {wanted} (numbers, or a header with these names), got {','.join(cells)!r}"
+    )
 
 
 def _row(place: str, cells: list[str], columns: tuple[int, ...] | int, wanted: str) -> Row:
     if isinstance(columns, int):
         if len(cells) != columns:
-            raise InvalidInputError(f"{place}: expected {columns} columns as on the first line ({wanted}), got {len(cells)}")
+            raise InvalidInputError(
+                f"{place}: expected {columns} columns as on the first line ({wanted}), got {len(cells)}"
+            )
         columns = tuple(range(columns))
     if len(cells) <= max(columns):
         raise InvalidInputError(f"{place}: expected at least {max(columns) + 1} columns, got {len(cells)}")

@@ -25,7 +25,8 @@ _LISTED = 12
 
 
 def report_json(problem: Problem, solution: ln.PoseSolution, inliers: NDArray[np.bool_]) -> dict[str, Any]:
-    """The report as a dictionary that JSON can hold: SI units, radians, and degrees where the name says so."""
+    """The report as a dictionary that JSON can hold: SI units, radians, and degrees where the name says
+    so."""
     covariance, scale = _covariance(problem, solution)
     sigma = np.sqrt(np.diag(covariance))
     suspicious = _suspicious(problem, solution, inliers)
@@ -51,7 +52,11 @@ def report_json(problem: Problem, solution: ln.PoseSolution, inliers: NDArray[np
         "suspicious": suspicious,
         "weakest": _weakest(problem, covariance),
         "alternatives": [
-            {"position_m": _list(other.position), "quaternion_xyzw": _list(other.quaternion), "chi2": _finite(other.chi2)}
+            {
+                "position_m": _list(other.position),
+                "quaternion_xyzw": _list(other.quaternion),
+                "chi2": _finite(other.chi2),
+            }
             for other in solution.alternatives
         ],
     }
@@ -62,9 +67,14 @@ def report_text(problem: Problem, solution: ln.PoseSolution, inliers: NDArray[np
     facts = report_json(problem, solution, inliers)
     lines = []
     if not facts["converged"]:
-        lines.append(f"NOT CONVERGED ({facts['termination']} after {facts['iterations']} iterations); do not use this pose")
+        lines.append(
+            f"NOT CONVERGED ({facts['termination']} after {facts['iterations']} iterations); do not use "
+            "this pose"
+        )
     used = int(np.count_nonzero(inliers))
-    lines.append(f"pose from {used} of {len(problem.ids)} observations (camera axes: x right, y down, z forward)")
+    lines.append(
+        f"pose from {used} of {len(problem.ids)} observations (camera axes: x right, y down, z forward)"
+    )
     for name, value, sigma in zip("xyz", facts["position_m"], facts["sigma_position_m"], strict=True):
         lines.append(f"  {name}          {_number(value):>16} m     1-sigma {_number(sigma, '.3g')} m")
     quaternion = ", ".join(_number(v, ".9f") for v in facts["quaternion_xyzw"])
@@ -81,12 +91,15 @@ def report_text(problem: Problem, solution: ln.PoseSolution, inliers: NDArray[np
     lines.append(f"weakest: {facts['weakest']}")
     for other in facts["alternatives"]:
         place = ", ".join(_number(v) for v in other["position_m"])
-        lines.append(f"another pose fits comparably: position ({place}) m, chi2 {_number(other['chi2'], '.4g')}")
+        lines.append(
+            f"another pose fits comparably: position ({place}) m, chi2 {_number(other['chi2'], '.4g')}"
+        )
     return "\n".join(lines)
 
 
 def _covariance(problem: Problem, solution: ln.PoseSolution) -> tuple[Array, float | None]:
-    """Covariance of the pose; without a given noise it is scaled by what the residuals show (then also returned)."""
+    """Covariance of the pose; without a given noise it is scaled by what the residuals show (then also
+    returned)."""
     covariance = np.asarray(solution.covariance)
     if problem.sigma is not None:
         return covariance, None
@@ -106,35 +119,57 @@ def _fit(problem: Problem, solution: ln.PoseSolution, scale: float | None, rejec
     dof = int(solution.dof)
     if problem.sigma is None:
         if scale is None:
-            return "three observations are always met exactly and no sigma was given: nothing can be said of accuracy"
-        return f"residuals show {scale:.3g} rad 1-sigma per axis, which scales the 1-sigma above (no --sigma given)"
+            return (
+                "three observations are always met exactly and no sigma was given: nothing can be said of "
+                "accuracy"
+            )
+        return (
+            f"residuals show {scale:.3g} rad 1-sigma per axis, which scales the 1-sigma above (no --sigma "
+            "given)"
+        )
     chi2 = float(solution.chi2)
     if dof < 1:
-        return f"chi2 {chi2:.4g} for 0 degrees of freedom: three observations are always met exactly and cannot be checked"
+        return (
+            f"chi2 {chi2:.4g} for 0 degrees of freedom: three observations are always met exactly and "
+            "cannot be checked"
+        )
     p = _p_value(solution)
     head = f"chi2 {chi2:.1f} for {dof} degrees of freedom, p = {p:.2g}"
     ratio = np.sqrt(chi2 / dof)
     if p < _DOUBT:
-        hint = "sigma too small, or wrong matches left" if rejecting else "sigma too small, or wrong matches (try --robust)"
+        hint = (
+            "sigma too small, or wrong matches left"
+            if rejecting
+            else "sigma too small, or wrong matches (try --robust)"
+        )
         return f"{head}: residuals {ratio:.3g} times larger than sigma allows; {hint}"
     if p > 1 - _DOUBT:
-        return f"{head}: residuals {ratio:.2g} times sigma; sigma is probably too large, and so is the 1-sigma above"
+        return (
+            f"{head}: residuals {ratio:.2g} times sigma; sigma is probably too large, and so is the "
+            "1-sigma above"
+        )
     return f"{head}: consistent with sigma"
 
 
-def _suspicious(problem: Problem, solution: ln.PoseSolution, inliers: NDArray[np.bool_]) -> list[dict[str, Any]]:
+def _suspicious(
+    problem: Problem, solution: ln.PoseSolution, inliers: NDArray[np.bool_]
+) -> list[dict[str, Any]]:
     """Observations used whose residual is larger than chance allows, worst first."""
     if problem.sigma is None or int(solution.dof) < 1 or not np.isfinite(solution.position).all():
         return []
     residual = problem.los - ln.predict_los(problem.landmarks, solution.position, solution.mrp)
     if problem.covariance is not None:
-        square = np.einsum("ni,ni->n", residual, np.linalg.solve(problem.covariance, residual[..., None])[..., 0])
+        square = np.einsum(
+            "ni,ni->n", residual, np.linalg.solve(problem.covariance, residual[..., None])[..., 0]
+        )
     else:
         square = np.sum(residual**2, axis=1) / problem.sigma**2
     limit = float(chi2_quantile(1 - _FALSE_ALARM / len(square), 2))
     order = np.argsort(-square)
     return [
-        {"id": problem.ids[k], "sigmas": float(np.sqrt(square[k]))} for k in order if inliers[k] and square[k] > limit
+        {"id": problem.ids[k], "sigmas": float(np.sqrt(square[k]))}
+        for k in order
+        if inliers[k] and square[k] > limit
     ]
 
 
@@ -150,7 +185,9 @@ def _weakest(problem: Problem, covariance: Array) -> str:
     cross = covariance[:3, 3:] @ axis
     correlation = abs(direction @ cross) / (worst * np.radians(turn)) if worst > 0 and turn > 0 else 0.0
     name = ("x (right)", "y (down)", "z (boresight)")[int(np.argmax(abs(axis)))]
-    text = f"position along ({direction[0]:.2f}, {direction[1]:.2f}, {direction[2]:.2f}), 1-sigma {worst:.3g} m"
+    text = (
+        f"position along ({direction[0]:.2f}, {direction[1]:.2f}, {direction[2]:.2f}), 1-sigma {worst:.3g} m"
+    )
     text += f", {worst / best:.1f} times the best direction; " if best > 0 else "; "
     text += f"attitude mostly about camera {name}, 1-sigma {turn:.3g} deg"
     if correlation > 0.9:
@@ -159,7 +196,9 @@ def _weakest(problem: Problem, covariance: Array) -> str:
 
 
 def _names(names: list[str]) -> str:
-    return ", ".join(names[:_LISTED]) + (f", … and {len(names) - _LISTED} more" if len(names) > _LISTED else "")
+    return ", ".join(names[:_LISTED]) + (
+        f", … and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
+    )
 
 
 def _list(values: Any) -> list[float | None]:

@@ -34,8 +34,10 @@ def add_commands(commands: Any) -> None:
         "run",
         help="run a scenario",
         description="Run a scenario's Monte Carlo campaign and print its tables.",
-        epilog="With --out the campaign is stored as it goes; after an interrupt or a crash, --resume completes it "
-        "with exactly the results of an uninterrupted one.",
+        epilog=(
+            "With --out the campaign is stored as it goes; after an interrupt or a crash, --resume "
+            "completes it with exactly the results of an uninterrupted one."
+        ),
     )
     command.add_argument("name", metavar="NAME", help="see losnav list")
     command.add_argument("--runs", type=int, default=100, metavar="N", help="Monte Carlo runs (default 100)")
@@ -45,7 +47,10 @@ def add_commands(commands: Any) -> None:
         default=[],
         metavar="KEY=VALUE",
         dest="settings",
-        help="replace a parameter; SI and radians, or with the suffix deg; lists as 1,2,3, lists of points as 1,2,3;4,5,6",
+        help=(
+            "replace a parameter; SI and radians, or with the suffix deg; lists as 1,2,3, lists of points "
+            "as 1,2,3;4,5,6"
+        ),
     )
     command.add_argument("--resume", action="store_true", help="continue the campaign stored in --out")
     _add_common(command)
@@ -55,12 +60,20 @@ def add_commands(commands: Any) -> None:
         "reproduce",
         help="judge the published claims of a scenario",
         description="Run a scenario as published, judge every claim, and draw the figures.",
-        epilog="Figures go to DIR/NAME (DIR is 'out' by default). With --out the campaign is stored there too and continued "
-        "if the command is repeated.",
+        epilog=(
+            "Figures go to DIR/NAME (DIR is 'out' by default). With --out the campaign is stored there too "
+            "and continued if the command is repeated."
+        ),
     )
-    command.add_argument("name", metavar="NAME", nargs="?", default="all", help="a scenario, or all (default)")
     command.add_argument(
-        "--runs", type=int, default=_REPRODUCE_RUNS, metavar="N", help=f"Monte Carlo runs (default {_REPRODUCE_RUNS})"
+        "name", metavar="NAME", nargs="?", default="all", help="a scenario, or all (default)"
+    )
+    command.add_argument(
+        "--runs",
+        type=int,
+        default=_REPRODUCE_RUNS,
+        metavar="N",
+        help=f"Monte Carlo runs (default {_REPRODUCE_RUNS})",
     )
     command.add_argument(
         "--strict", action="store_true", help="exit with 1 if a verdict differs from the established one"
@@ -80,7 +93,9 @@ def _add_common(command: argparse.ArgumentParser) -> None:
 def _list(arguments: argparse.Namespace) -> int:
     available = scenarios.available()
     if arguments.json:
-        print(json.dumps([{"name": name, "available": name in available} for name in scenarios.NAMES], indent=1))
+        print(
+            json.dumps([{"name": name, "available": name in available} for name in scenarios.NAMES], indent=1)
+        )
         return 0
     for name in scenarios.NAMES:
         print(f"{name:<22}{_summary(name) if name in available else '(in a later version)'}")
@@ -246,5 +261,3 @@ def _number(text: str) -> float:
     if text.endswith("deg"):
         return math.radians(float(text[:-3]))
     return float(text)
-
-

@@ -35,7 +35,8 @@ class Problem:
     landmarks, los : (N, 3) arrays
         m, and unit vectors in camera axes.
     sigma : (N,) array or None
-        1-sigma of each LOS, rad (for pixels the geometric mean over its two directions); None if it was not given.
+        1-sigma of each LOS, rad (for pixels the geometric mean over its two directions); None if it was not
+        given.
     covariance : (N, 3, 3) array or None
         Covariance of each LOS, rad², if the noise is given in pixels.
     unobserved : int
@@ -62,11 +63,16 @@ def add_command(commands: Any) -> None:
     command = commands.add_parser(
         "solve-pose",
         help="pose of a camera from landmarks and observations in CSV files",
-        description="Position and attitude of a camera from known landmarks, with 1-sigma, chi-square and what is weak.",
-        epilog="LANDMARKS.csv: id,x,y,z in metres. OBSERVATIONS.csv: id,ux,uy,uz (unit vectors in camera axes) or id,u,v in pixels "
-        "with --focal. A header line is optional. Camera axes: x right, y down, z forward; distortion x_d = x (1 + k1 r^2 + k2 r^4) in "
-        "normalised coordinates. BAL files have y up and look along -z: give v with the opposite sign; their rotation "
-        "is then diag(1,-1,-1) times ours.",
+        description=(
+            "Position and attitude of a camera from known landmarks, with 1-sigma, chi-square and what is "
+            "weak."
+        ),
+        epilog=(
+            "LANDMARKS.csv: id,x,y,z in metres. OBSERVATIONS.csv: id,ux,uy,uz (unit vectors in camera axes) "
+            "or id,u,v in pixels with --focal. A header line is optional. Camera axes: x right, y down, z "
+            "forward; distortion x_d = x (1 + k1 r^2 + k2 r^4) in normalised coordinates. BAL files have y "
+            "up and look along -z: give v with the opposite sign; their rotation is diag(1,-1,-1) times ours."
+        ),
     )
     command.add_argument("landmarks", type=Path, metavar="LANDMARKS.csv")
     command.add_argument("observations", type=Path, metavar="OBSERVATIONS.csv")
@@ -76,9 +82,13 @@ def add_command(commands: Any) -> None:
     )
     command.add_argument("--distortion", type=_numbers(1, 2), metavar="K1,K2", help="radial distortion")
     noise = command.add_mutually_exclusive_group()
-    noise.add_argument("--sigma", type=_positive, metavar="RAD", help="1-sigma of a line of sight per axis, rad")
+    noise.add_argument(
+        "--sigma", type=_positive, metavar="RAD", help="1-sigma of a line of sight per axis, rad"
+    )
     noise.add_argument("--sigma-px", type=_positive, metavar="PX", help="1-sigma of a pixel coordinate, px")
-    command.add_argument("--robust", action="store_true", help="find and reject wrong matches (needs a sigma)")
+    command.add_argument(
+        "--robust", action="store_true", help="find and reject wrong matches (needs a sigma)"
+    )
     command.add_argument(
         "--guess",
         type=_numbers(6, 7),
@@ -97,7 +107,9 @@ def _numbers(*counts: int) -> Any:
             values = ()
         if len(values) not in counts or not np.isfinite(values).all():
             wanted = " or ".join(map(str, counts))
-            raise argparse.ArgumentTypeError(f"expected {wanted} finite numbers separated by commas, got {text!r}")
+            raise argparse.ArgumentTypeError(
+                f"expected {wanted} finite numbers separated by commas, got {text!r}"
+            )
         return values
 
     return numbers
@@ -125,7 +137,11 @@ def _solve(arguments: argparse.Namespace) -> int:
 
 def _problem(arguments: argparse.Namespace) -> Problem:
     positions, observations = read_landmarks(arguments.landmarks), read_observations(arguments.observations)
-    unknown = [(k, place) for k, place in zip(observations.ids, observations.places, strict=True) if k not in positions]
+    unknown = [
+        (k, place)
+        for k, place in zip(observations.ids, observations.places, strict=True)
+        if k not in positions
+    ]
     if unknown:
         listed = ", ".join(repr(k) for k, _ in unknown[:5]) + (", …" if len(unknown) > 5 else "")
         raise InvalidInputError(f"{unknown[0][1]}: expected ids of {arguments.landmarks}, got {listed}")
@@ -159,10 +175,14 @@ def _camera(arguments: argparse.Namespace, observations: Observations) -> Camera
     if not observations.pixels:
         for option, value in {"--focal": arguments.focal, **options}.items():
             if value is not None:
-                raise InvalidInputError(f"{option}: expected pixels (id,u,v), got unit vectors in {arguments.observations}")
+                raise InvalidInputError(
+                    f"{option}: expected pixels (id,u,v), got unit vectors in {arguments.observations}"
+                )
         return None
     if arguments.focal is None:
-        raise InvalidInputError(f"--focal: expected the focal length for the pixels of {arguments.observations}, got none")
+        raise InvalidInputError(
+            f"--focal: expected the focal length for the pixels of {arguments.observations}, got none"
+        )
     if not all(value > 0 for value in arguments.focal):
         raise InvalidInputError(f"--focal: expected positive numbers, got {arguments.focal}")
     focal = (arguments.focal[0], arguments.focal[-1])
@@ -179,7 +199,9 @@ def _solution(problem: Problem, arguments: argparse.Namespace) -> tuple[ln.PoseS
     if not arguments.robust:
         return ln.solve_pose(problem.landmarks, problem.los, guess=guess, **problem.noise()), everything
     if problem.sigma is None:
-        raise InvalidInputError("--robust: expected --sigma or --sigma-px to tell a wrong match from noise, got neither")
+        raise InvalidInputError(
+            "--robust: expected --sigma or --sigma-px to tell a wrong match from noise, got neither"
+        )
     robust = ln.solve_pose_robust(problem.landmarks, problem.los, sigma=problem.sigma)
     keep = np.asarray(robust.inliers, dtype=bool)
     if np.count_nonzero(keep) < 3 or problem.covariance is None:

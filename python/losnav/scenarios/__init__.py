@@ -1,7 +1,8 @@
 """Published line-of-sight navigation systems, ready to run, judged claim by claim.
 
-Each scenario is a frozen dataclass of every parameter of its system. ``load`` makes one, ``run`` repeats it with fresh noise, and the
-result holds a table for a report, the published claims with our figures beside them, and the plots.
+Each scenario is a frozen dataclass of every parameter of its system. ``load`` makes one, ``run`` repeats it
+with fresh noise, and the result holds a table for a report, the published claims with our figures beside
+them, and the plots.
 
 >>> import losnav as ln
 >>> ln.scenarios.load("landmark-landing", duration=430.0).sampling
@@ -82,5 +83,7 @@ def load(name: str, **overrides: object) -> Scenario:
     scenario = getattr(importlib.import_module(module), attribute)
     known = set(scenario.__dataclass_fields__)
     if unknown := sorted(set(overrides) - known):
-        raise InvalidInputError(f"{unknown[0]}: expected a parameter of {name}: {', '.join(sorted(known))}, got an unknown one")
+        raise InvalidInputError(
+            f"{unknown[0]}: expected a parameter of {name}: {', '.join(sorted(known))}, got an unknown one"
+        )
     return cast(Scenario, scenario(**overrides))

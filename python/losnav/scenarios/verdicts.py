@@ -74,7 +74,8 @@ class Claim:
     why : str
         What the verdict rests on.
     established : {"holds", "does not", "ambiguous"}
-        Verdict of an independent study of the unchanged scenario: what a sufficiently long campaign should find.
+        Verdict of an independent study of the unchanged scenario: what a sufficiently long campaign should
+        find.
     """
 
     number: str
@@ -102,7 +103,11 @@ class Claim:
 
     def __str__(self) -> str:
         head = f"{self.number:>4}  {self.verdict.upper():<9}  {self.statement}"
-        body = [f"printed: {self.printed}", f"ours:    {self.ours}", *textwrap.wrap(f"why:     {self.why}", 100)]
+        body = [
+            f"printed: {self.printed}",
+            f"ours:    {self.ours}",
+            *textwrap.wrap(f"why:     {self.why}", 100),
+        ]
         return "\n".join([head, *(" " * 17 + line for line in body)])
 
 
@@ -166,7 +171,7 @@ class Result(Protocol):
 class Scenario(Protocol):
     """A frozen dataclass of parameters that can be run."""
 
-    def run(
+    def run(  # noqa: PLR0917 - the contract's order
         self,
         runs: int = 100,
         seed: int = 0,
@@ -175,4 +180,5 @@ class Scenario(Protocol):
         out: str | os.PathLike[str] | None = None,
         resume: bool = False,
     ) -> Result:
-        """Repeat the scenario ``runs`` times; see :func:`losnav.campaign.run_campaign` for the other arguments."""
+        """Repeat the scenario ``runs`` times; see :func:`losnav.campaign.run_campaign` for the other
+        arguments."""

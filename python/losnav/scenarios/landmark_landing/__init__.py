@@ -1,22 +1,24 @@
 """Landing on a small body by lines of sight to four known landmarks.
 
-The camera measures the directions of landmarks whose positions are mapped; every image gives position and attitude by itself.
+The camera measures the directions of landmarks whose positions are mapped; every image gives position and
+attitude by itself.
 
     b_i = A(σ) (L_i − p)/‖L_i − p‖ + v_i,     min over (p, σ) of ½ Σ (b̃_i − b_i)' W_i (b̃_i − b_i)
 
-Source: Li Shuang, "Line-of-sight measurement based autonomous optical relative navigation algorithms for asteroid landing and
-observability analysis", Acta Aeronautica et Astronautica Sinica 30(9), 2009, 1711–1717.
+Source: Li Shuang, "Line-of-sight measurement based autonomous optical relative navigation algorithms for
+asteroid landing and observability analysis", Acta Aeronautica et Astronautica Sinica 30(9), 2009, 1711–1717.
 
 What the publication leaves open, and what is used here:
 
 * The path between the given ends: cubic Hermite curves in position and MRP (:mod:`.descent`).
-* The noise "variance 1.0e-6 m²" of the focal plane cannot be a variance (it would be 2e-2 rad): a standard deviation of 1e-6 m is used.
-* With the published attitude the landmarks lie towards −z of the camera. losnav's lines of sight cover the full sphere, so nothing
-  needs turning round; only the field of view is taken about −z.
+* The noise "variance 1.0e-6 m²" of the focal plane cannot be a variance (it would be 2e-2 rad): a standard
+  deviation of 1e-6 m is used.
+* With the published attitude the landmarks lie towards −z of the camera. losnav's lines of sight cover the
+  full sphere, so nothing needs turning round; only the field of view is taken about −z.
 * The first guess: truth plus 50 m and 5° (1-sigma, per axis); later the previous estimate, not propagated.
-* The field of view. The ideal camera sees all landmarks down to touchdown, though they are then 90° off axis. The limited
-  camera stops navigating when fewer than ``min_landmarks`` are inside ``half_fov``; from there its pose is propagated along the
-  commanded path with the small rate errors given.
+* The field of view. The ideal camera sees all landmarks down to touchdown, though they are then 90° off axis.
+  The limited camera stops navigating when fewer than ``min_landmarks`` are inside ``half_fov``; from there
+  its pose is propagated along the commanded path with the small rate errors given.
 
 Left out: landmark position errors, image processing, gravity and guidance errors, and any filter.
 """
@@ -69,8 +71,9 @@ class LandmarkLanding:
     focal_plane_sigma : float
         1-sigma of an image coordinate, m.
     noise : {"tangent", "focal-plane"}
-        "tangent": ``focal_plane_sigma/focal_length`` rad across the LOS in every direction, the publication's isotropic model for unit
-        vectors. "focal-plane": white noise of the two image coordinates, whose angle shrinks off axis.
+        "tangent": ``focal_plane_sigma/focal_length`` rad across the LOS in every direction, the publication's
+        isotropic model for unit vectors. "focal-plane": white noise of the two image coordinates, whose angle
+        shrinks off axis.
     half_fov : float
         Half angle of the limited camera's field of view about −z, rad.
     min_landmarks : int
@@ -90,7 +93,8 @@ class LandmarkLanding:
     cold_times : tuple of float
         Epochs of the cold-start study, s (each is moved to the nearest image).
     cold_offsets : tuple of float
-        1-sigma of the position of its guesses per axis at the first epoch, m; later it shrinks with the range to the site.
+        1-sigma of the position of its guesses per axis at the first epoch, m; later it shrinks with the range
+        to the site.
     cold_angles : tuple of float
         1-sigma of the attitude of its guesses per axis, rad.
     cold_cost_tolerance, cold_max_iterations : float, int
@@ -137,11 +141,17 @@ class LandmarkLanding:
         if self.noise not in ("tangent", "focal-plane"):
             raise InvalidInputError(f"noise: expected 'tangent' or 'focal-plane', got {self.noise!r}")
         if not self.sampling <= self.duration:
-            raise InvalidInputError(f"sampling: expected at most the duration, {self.duration:g} s, got {self.sampling:g} s")
+            raise InvalidInputError(
+                f"sampling: expected at most the duration, {self.duration:g} s, got {self.sampling:g} s"
+            )
         if not all(0.0 <= t <= self.duration for t in self.cold_times):
-            raise InvalidInputError(f"cold_times: expected times in [0, {self.duration:g}] s, got {self.cold_times}")
+            raise InvalidInputError(
+                f"cold_times: expected times in [0, {self.duration:g}] s, got {self.cold_times}"
+            )
         if not self.min_landmarks <= len(self.landmarks):
-            raise InvalidInputError(f"min_landmarks: expected at most {len(self.landmarks)}, got {self.min_landmarks}")
+            raise InvalidInputError(
+                f"min_landmarks: expected at most {len(self.landmarks)}, got {self.min_landmarks}"
+            )
 
     @property
     def los_sigma(self) -> float:
@@ -168,7 +178,7 @@ class LandmarkLanding:
         """All parameters as a dictionary."""
         return asdict(self)
 
-    def run(
+    def run(  # noqa: PLR0917 - the contract's order
         self,
         runs: int = 100,
         seed: int = 0,
@@ -229,6 +239,11 @@ def _floats(name: str, values: object, length: int | None = None) -> tuple[float
         row = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError):
         raise InvalidInputError(f"{name}: expected {expected}, got {values!r}") from None
-    if row.ndim != 1 or row.size == 0 or (length is not None and row.size != length) or not np.isfinite(row).all():
+    if (
+        row.ndim != 1
+        or row.size == 0
+        or (length is not None and row.size != length)
+        or not np.isfinite(row).all()
+    ):
         raise InvalidInputError(f"{name}: expected {expected}, finite, got {values!r}")
     return tuple(float(x) for x in row)

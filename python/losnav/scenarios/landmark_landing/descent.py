@@ -4,9 +4,9 @@ Position and attitude follow cubic Hermite curves from the published initial sta
 
     x(t) = (2s³ − 3s² + 1) x₀ + (s³ − 2s² + s) T ẋ₀,    s = t/T
 
-for the position from (p₀, v₀) and for the MRP from (σ₀, ¼ B(σ₀) ω₀). The publication gives the initial state and the duration but not
-the path between; constant v₀ would end at 414 m. The accuracy of a pose depends on the position alone, so figures of
-another guidance law compare at equal altitude.
+for the position from (p₀, v₀) and for the MRP from (σ₀, ¼ B(σ₀) ω₀). The publication gives the initial state
+and the duration but not the path between; constant v₀ would end at 414 m. The accuracy of a pose depends on
+the position alone, so figures of another guidance law compare at equal altitude.
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ __all__ = ["Descent", "cross_matrix", "focal_plane_covariance", "perturb_los", "
 
 Array = NDArray[np.float64]
 
-# A pinhole image runs to infinity as a LOS approaches the image plane, and focal-plane noise then means less and less angle. The
-# ideal camera without a field-of-view limit keeps the noise of a LOS this far off its axis for all LOS beyond.
+# A pinhole image runs to infinity as a LOS approaches the image plane, and focal-plane noise then means less
+# and less angle. The ideal camera without a field-of-view limit keeps the noise of a LOS this far off its
+# axis for all LOS beyond.
 _MAX_OFF_AXIS = np.radians(80.0)
 
 
@@ -92,7 +93,8 @@ class Descent:
         return np.arctan2(np.linalg.norm(self.los[..., :2], axis=-1), -self.los[..., 2])
 
     def nav_off(self, half_fov: float, least: int) -> int:
-        """First epoch from which fewer than ``least`` landmarks are within ``half_fov`` (rad); ``T`` if there is none."""
+        """First epoch from which fewer than ``least`` landmarks are within ``half_fov`` (rad); ``T`` if there
+        is none."""
         seen = np.count_nonzero(self.off_axis <= half_fov, axis=1)
         lost = np.flatnonzero(seen < least)
         return int(lost[0]) if lost.size else len(self.times)
@@ -106,7 +108,8 @@ def cross_matrix(a: Array) -> Array:
 def rotation_from_vector(angle: Array) -> Array:
     """Rotation matrix exp(−[a×]) of a rotation vector in body axes, rad, (..., 3) -> (..., 3, 3).
 
-    Its MRP is ``e tan(φ/4)``, so ``rotation_from_vector(a) @ dcm`` is the attitude turned by ``a`` about its own axes.
+    Its MRP is ``e tan(φ/4)``, so ``rotation_from_vector(a) @ dcm`` is the attitude turned by ``a`` about its
+    own axes.
     """
     size = np.linalg.norm(angle, axis=-1, keepdims=True)
     # tan(φ/4)/φ → 1/4; below 1e-8 rad the next term, φ²/192, is under one part in 10¹⁶.
@@ -115,7 +118,8 @@ def rotation_from_vector(angle: Array) -> Array:
 
 
 def focal_plane_factor(los: Array, focal_length: float) -> Array:
-    """Derivative J = (I − bb') E |b₃|/f of a unit LOS by its focal-plane coordinates, 1/m, (..., 3) -> (..., 3, 2)."""
+    """Derivative J = (I − bb') E |b₃|/f of a unit LOS by its focal-plane coordinates, 1/m, (..., 3) -> (...,
+    3, 2)."""
     tangent = np.eye(3) - los[..., :, None] * los[..., None, :]
     depth = np.maximum(np.abs(los[..., 2]), np.cos(_MAX_OFF_AXIS))
     return tangent[..., :, :2] * (depth / focal_length)[..., None, None]
@@ -124,8 +128,8 @@ def focal_plane_factor(los: Array, focal_length: float) -> Array:
 def focal_plane_covariance(los: Array, focal_length: float, sigma: float) -> Array:
     """Covariance of LOS with white focal-plane noise, rad², (..., 3) -> (..., 3, 3).
 
-    ``R = s² JJ'`` has no component along the LOS; ``½ tr(R) bb'`` is added there, which leaves the estimate unchanged (to first order
-    no innovation lies along the LOS) and makes the matrix invertible.
+    ``R = s² JJ'`` has no component along the LOS; ``½ tr(R) bb'`` is added there, which leaves the estimate
+    unchanged (to first order no innovation lies along the LOS) and makes the matrix invertible.
     """
     factor = sigma * focal_plane_factor(los, focal_length)
     covariance = factor @ np.swapaxes(factor, -1, -2)
@@ -136,8 +140,8 @@ def focal_plane_covariance(los: Array, focal_length: float, sigma: float) -> Arr
 def perturb_los(los: Array, noise: Array, model: str, focal_length: float, sigma: float) -> Array:
     """Add measurement noise and return unit vectors.
 
-    ``noise`` (..., 3) is standard normal. "tangent" tilts the LOS by ``sigma/focal_length`` rad in every direction across it;
-    "focal-plane" moves the image point by ``sigma`` metres along both axes.
+    ``noise`` (..., 3) is standard normal. "tangent" tilts the LOS by ``sigma/focal_length`` rad in every
+    direction across it; "focal-plane" moves the image point by ``sigma`` metres along both axes.
     """
     if model == "tangent":
         moved = los + sigma / focal_length * noise

@@ -26,7 +26,14 @@ Array = NDArray[np.float64]
 _SHOWN_RUNS = 40
 _LOWEST = 1.0  # m; below, a logarithmic altitude only stretches the last seconds
 _DEGREES = np.repeat([1.0, np.degrees(1.0)], 3)
-_AXES = ("x [m]", "y [m]", "z (up) [m]", "attitude, camera x [deg]", "attitude, camera y [deg]", "attitude, camera z [deg]")
+_AXES = (
+    "x [m]",
+    "y [m]",
+    "z (up) [m]",
+    "attitude, camera x [deg]",
+    "attitude, camera y [deg]",
+    "attitude, camera z [deg]",
+)
 _TRIPLE_COLOURS = (BLUE, ORANGE, GREEN, PURPLE)
 
 
@@ -49,7 +56,9 @@ def _descent(result: LandingResult) -> Figure:
     from matplotlib.ticker import MultipleLocator
 
     descent = result.scenario.descent
-    figure, axes = new_figure(size=(7.5, 7.0), subplot_kw={"projection": "3d"}, title="Descent to the landing site")
+    figure, axes = new_figure(
+        size=(7.5, 7.0), subplot_kw={"projection": "3d"}, title="Descent to the landing site"
+    )
     axis, path = axes[0, 0], descent.position
     axis.plot(*path.T, color=BLUE, label="camera path")
     axis.scatter(*descent.landmarks.T, color=RED, marker="^", s=40, label="landmarks", depthshade=False)
@@ -96,7 +105,9 @@ def _errors_altitude(result: LandingResult) -> Figure:
     descent, camera = result.scenario.descent, result.limited()
     rows = (("position, worst axis [m]", slice(0, 3), 1.0, (1.0, 0.1)),)
     rows += (("attitude, worst axis [deg]", slice(3, 6), float(np.degrees(1.0)), (0.2, 0.05)),)
-    figure, axes = new_figure(1, 2, size=(11.0, 4.8), title="Error against altitude: measured rms and predicted 3σ")
+    figure, axes = new_figure(
+        1, 2, size=(11.0, 4.8), title="Error against altitude: measured rms and predicted 3σ"
+    )
     above = descent.altitude > _LOWEST
     for axis, (label, part, factor, limits) in zip(axes.flat, rows, strict=True):
         for name, error, sigma, colour in (
@@ -110,14 +121,21 @@ def _errors_altitude(result: LandingResult) -> Figure:
         ):
             rms = np.sqrt(np.mean(error[..., part] ** 2, axis=0)).max(axis=-1) * factor
             bound3 = 3 * sigma[:, part].max(axis=-1) * factor
-            axis.loglog(descent.altitude[above], bound3[above], color=colour, linestyle="--", label=f"3σ, {name}")
+            axis.loglog(
+                descent.altitude[above], bound3[above], color=colour, linestyle="--", label=f"3σ, {name}"
+            )
             axis.loglog(
                 descent.altitude[above], rms[above], color=colour, label=f"rms of {result.runs} runs, {name}"
             )
         for limit, (where, side) in zip(limits, ((0.99, "right"), (0.01, "left")), strict=True):
             axis.axhline(limit, color=GREY, linewidth=0.8, linestyle=":")
             axis.annotate(
-                f"printed {limit:g}", (where, limit), xycoords=("axes fraction", "data"), ha=side, va="bottom", fontsize=8
+                f"printed {limit:g}",
+                (where, limit),
+                xycoords=("axes fraction", "data"),
+                ha=side,
+                va="bottom",
+                fontsize=8,
             )
         if 0 < camera.nav_off < len(descent.times):
             axis.axvline(descent.altitude[camera.nav_off - 1], color=ORANGE, linewidth=0.8, linestyle=":")
@@ -138,7 +156,10 @@ def _errors_altitude(result: LandingResult) -> Figure:
 
 def _iterations(result: LandingResult) -> Figure:
     descent = result.scenario.descent
-    title = f"Iterations with the printed stop test (λ = {result.scenario.cost_tolerance:g}), guess: previous estimate"
+    title = (
+        f"Iterations with the printed stop test (λ = {result.scenario.cost_tolerance:g}), guess: previous "
+        "estimate"
+    )
     figure, axes = new_figure(1, 2, size=(10.5, 4.2), title=title)
     count = {name: result.arrays[f"{name}_iterations"] for name in ("glsdc", "lm")}
     edges = np.arange(max(int(c.max()) for c in count.values()) + 2) - 0.5
@@ -146,11 +167,19 @@ def _iterations(result: LandingResult) -> Figure:
     styles = (("glsdc", "GLSDC", BLUE, -0.2), ("lm", "LM (rejected trials counted)", ORANGE, 0.2))
     for name, label, colour, shift in styles:
         share = 100 * np.histogram(count[name][:, 1:], edges)[0] / count[name][:, 1:].size
-        axes[0, 0].bar(centres + shift, share, width=0.4, color=colour, label=f"{label}: mean {count[name][:, 1:].mean():.2f}")
+        axes[0, 0].bar(
+            centres + shift,
+            share,
+            width=0.4,
+            color=colour,
+            label=f"{label}: mean {count[name][:, 1:].mean():.2f}",
+        )
         axes[0, 1].plot(descent.times, count[name].mean(axis=0), color=colour, label=label)
     seen = np.concatenate([c[:, 1:].ravel() for c in count.values()])
     limits = (seen.min() - 0.6, seen.max() + 0.6)
-    axes[0, 0].set(xlabel="iterations", ylabel="share of images [%]", xticks=centres, xlim=limits, ylim=(0, 125))
+    axes[0, 0].set(
+        xlabel="iterations", ylabel="share of images [%]", xticks=centres, xlim=limits, ylim=(0, 125)
+    )
     axes[0, 0].set_title("all images but the first")
     axes[0, 0].legend()
     axes[0, 1].set(xlabel="time [s]", ylabel=f"mean of {result.runs} runs", ylim=(0, None))
@@ -165,7 +194,9 @@ def _cold_start(result: LandingResult) -> Figure:
     s = result.scenario
     columns = len(s.cold_times)
     title = f"Cold starts that reach the right pose [%], {result.runs} each"
-    figure, axes = new_figure(2, columns, size=(2.6 * columns + 1.6, 5.8), title=title, sharex=True, sharey=True)
+    figure, axes = new_figure(
+        2, columns, size=(2.6 * columns + 1.6, 5.8), title=title, sharex=True, sharey=True
+    )
     descent, image = s.descent_at(s.cold_times), None
     for row, (name, label) in enumerate((("gn", "GLSDC"), ("lm", "LM"))):
         success = 100 * result.arrays[f"cold_{name}_success"].mean(axis=0)
@@ -174,7 +205,15 @@ def _cold_start(result: LandingResult) -> Figure:
             image = axis.imshow(success[k], vmin=0, vmax=100, cmap="cividis", origin="lower", aspect="auto")
             axis.grid(visible=False)
             for (i, j), value in np.ndenumerate(success[k]):
-                axis.text(j, i, f"{value:.4g}", ha="center", va="center", color="white" if value < 60 else "black", fontsize=8)
+                axis.text(
+                    j,
+                    i,
+                    f"{value:.4g}",
+                    ha="center",
+                    va="center",
+                    color="white" if value < 60 else "black",
+                    fontsize=8,
+                )
             axis.set_xticks(range(len(s.cold_angles)), [f"{np.degrees(a):.0f}" for a in s.cold_angles])
             axis.set_yticks(range(len(s.cold_offsets)), [f"{o:.0f}" for o in s.cold_offsets])
             axis.set_title(f"{label}, {descent.times[k]:.0f} s ({descent.altitude[k]:.0f} m)", fontsize=9)
@@ -224,7 +263,9 @@ def _danger_cylinder(result: LandingResult) -> Figure:
     ):
         part = type(descent)(descent.landmarks[list(triple)], descent.times, s.duration, descent.start)
         label = f"landmarks {', '.join(str(k + 1) for k in triple)}"
-        axes[0, 0].plot(descent.times, cylinder_distance(part.landmarks, descent.position), color=colour, label=label)
+        axes[0, 0].plot(
+            descent.times, cylinder_distance(part.landmarks, descent.position), color=colour, label=label
+        )
         sigma = np.sqrt(np.trace(bound(s, part)[:, :3, :3], axis1=1, axis2=2))
         axes[1, 0].semilogy(descent.times, sigma, color=colour)
     everything = np.sqrt(np.trace(bound(s, descent)[:, :3, :3], axis1=1, axis2=2))

@@ -1,11 +1,13 @@
 """Where pose from lines of sight fails: rank, danger cylinders, and poses that share their images.
 
-The pose is locally unobservable exactly if some motion (w, v) ≠ 0 moves every landmark along its own line of sight:
+The pose is locally unobservable exactly if some motion (w, v) ≠ 0 moves every landmark along its own line of
+sight:
 
     (w × L_i + v) ∥ (L_i − p)   for every i.
 
-Solved for the landmarks this is a cubic curve through the camera, L(μ) = ([w×] − μI)⁻¹ (−μp − v): any number of landmarks on it leaves the
-rank at 5. Likewise two poses (p₁, A₁), (p₂, A₂) see the same directions of every point of
+Solved for the landmarks this is a cubic curve through the camera, L(μ) = ([w×] − μI)⁻¹ (−μp − v): any number
+of landmarks on it leaves the rank at 5. Likewise two poses (p₁, A₁), (p₂, A₂) see the same directions of
+every point of
 
     X(λ) = (A₁ − λA₂)⁻¹ (A₁p₁ − λA₂p₂),   λ > 0,
 
@@ -26,7 +28,14 @@ import losnav as ln
 from losnav.attitude import dcm_from_mrp, rotation_error
 from losnav.scenarios.landmark_landing.descent import cross_matrix
 
-__all__ = ["TwinPoses", "cylinder_distance", "danger_crossings", "pose_rank", "singular_landmarks", "twin_poses"]
+__all__ = [
+    "TwinPoses",
+    "cylinder_distance",
+    "danger_crossings",
+    "pose_rank",
+    "singular_landmarks",
+    "twin_poses",
+]
 
 Array = NDArray[np.float64]
 
@@ -37,7 +46,8 @@ def pose_rank(landmarks: ArrayLike, position: ArrayLike) -> int:
 
 
 def cylinder_distance(triple: Array, position: Array) -> Array:
-    """Signed distance from the danger cylinder of three landmarks, m, negative inside; (3, 3), (..., 3) -> (...).
+    """Signed distance from the danger cylinder of three landmarks, m, negative inside; (3, 3), (..., 3) ->
+    (...).
 
     The danger cylinder stands on the circle through the three landmarks, at right angles to their plane.
     """
@@ -51,7 +61,8 @@ def cylinder_distance(triple: Array, position: Array) -> Array:
 
 
 def danger_crossings(landmarks: Array, times: Array, position: Array) -> list[tuple[tuple[int, ...], float]]:
-    """Times (s) at which a path crosses the danger cylinder of each three of the landmarks, by linear interpolation."""
+    """Times (s) at which a path crosses the danger cylinder of each three of the landmarks, by linear
+    interpolation."""
     found = []
     for triple in itertools.combinations(range(len(landmarks)), 3):
         distance = cylinder_distance(landmarks[list(triple)], position)
@@ -62,7 +73,8 @@ def danger_crossings(landmarks: Array, times: Array, position: Array) -> list[tu
 
 
 def singular_landmarks(position: Array, spin: Array, velocity: Array, parameters: Array) -> Array:
-    """Landmarks that leave the pose of a camera at ``position`` unobservable, one for each parameter μ ≠ 0, (M,) -> (M, 3)."""
+    """Landmarks that leave the pose of a camera at ``position`` unobservable, one for each parameter μ ≠ 0,
+    (M,) -> (M, 3)."""
     system = cross_matrix(spin) - parameters[:, None, None] * np.eye(3)
     right = -parameters[:, None] * position - velocity
     return np.asarray(np.linalg.solve(system, right[..., None])[..., 0])
@@ -114,10 +126,13 @@ def twin_poses(parameters: tuple[float, ...] = (0.3, 0.7, 1.5, 3.0)) -> TwinPose
     mrps = np.array([[0.09, -0.04, 0.03], [0.02, 0.10, -0.06]])
     first, second = dcm_from_mrp(mrps)
     landmarks = np.array(
-        [np.linalg.solve(first - k * second, first @ positions[0] - k * second @ positions[1]) for k in parameters]
+        [
+            np.linalg.solve(first - k * second, first @ positions[0] - k * second @ positions[1])
+            for k in parameters
+        ]
     )
     los = ln.predict_los(landmarks, positions, mrps)
-    guess = np.concatenate([positions + [1.0, -1.0, 1.0], mrps + 1e-3], axis=-1)
+    guess = np.concatenate([positions + np.array([1.0, -1.0, 1.0]), mrps + 1e-3], axis=-1)
     solution = ln.solve_pose(landmarks, los[0], sigma=1e-5, guess=guess)
     near = np.linalg.norm(solution.position - positions, axis=-1) < 1e-3
     edges = landmarks[1:] - landmarks[0]

@@ -8,7 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from losnav.scenarios.landmark_landing.descent import Descent
-from losnav.scenarios.landmark_landing.geometry import cylinder_distance, pose_rank, singular_landmarks, twin_poses
+from losnav.scenarios.landmark_landing.geometry import (
+    cylinder_distance,
+    pose_rank,
+    singular_landmarks,
+    twin_poses,
+)
 from losnav.scenarios.verdicts import Claim, Verdict
 
 if TYPE_CHECKING:
@@ -31,7 +36,7 @@ def _cameras(scenario: LandmarkLanding) -> Array:
     return np.random.default_rng(7).uniform((-150.0, -150.0, 50.0), (150.0, 150.0, 500.0), size=(_CASES, 3))
 
 
-def _rank_claim(
+def _rank_claim(  # noqa: PLR0917
     number: str, statement: str, printed: str, cases: list[tuple[Array, Array]], expected: int, why: str
 ) -> Claim:
     """A claim that all the cases (landmarks, camera) have the expected rank."""
@@ -40,7 +45,9 @@ def _rank_claim(
     text = f"rank {', '.join(map(str, ranks))} in {len(cases)} case{'s' if len(cases) > 1 else ''}"
     value = float(ranks[-1])
     established: Verdict = "holds" if number in "7a 7b 7c 7d" else "does not"
-    return Claim(number, statement, printed, text, value, (float(ranks[0]), value), 1.0, verdict, why, established)
+    return Claim(
+        number, statement, printed, text, value, (float(ranks[0]), value), 1.0, verdict, why, established
+    )
 
 
 def _ranks(scenario: LandmarkLanding) -> list[Claim]:
@@ -51,7 +58,12 @@ def _ranks(scenario: LandmarkLanding) -> list[Claim]:
         _rank_claim("7a", "One landmark gives rank 2", "2", [(landmarks[:1], c) for c in cameras], 2, why),
         _rank_claim("7b", "Two landmarks give rank 4", "4", [(landmarks[:2], c) for c in cameras], 4, why),
         _rank_claim(
-            "7c", "Three landmarks in general position give rank 6", "≤ 6", [(landmarks[:3], c) for c in cameras], 6, why
+            "7c",
+            "Three landmarks in general position give rank 6",
+            "≤ 6",
+            [(landmarks[:3], c) for c in cameras],
+            6,
+            why,
         ),
         _rank_claim(
             "7d",
@@ -82,7 +94,8 @@ def _singular(scenario: LandmarkLanding) -> list[Claim]:
             "only then",
             [(triple, camera) for camera in on_cylinder],
             6,
-            "Cameras on the danger cylinder, the circle through the three landmarks raised at right angles to their plane "
+            "Cameras on the danger cylinder, the circle through the three landmarks raised at right angles "
+            "to their plane "
             f"(within {miss:.0e} m), see three landmarks that are not collinear and have rank 5.",
         ),
         _rank_claim(
@@ -91,7 +104,8 @@ def _singular(scenario: LandmarkLanding) -> list[Claim]:
             "only then",
             [(curve[:count], camera) for count in (4, 5, 6)],
             6,
-            "Landmarks on a cubic curve through the camera, constructed so that one motion moves each along its own line of "
+            "Landmarks on a cubic curve through the camera, constructed so that one motion moves each "
+            "along its own line of "
             "sight: 4, 5 and 6 of them, not coplanar, have rank 5.",
         ),
     ]
@@ -117,12 +131,14 @@ def _twins() -> Claim:
         "8a",
         "Four or more landmarks and rank 6 make the pose unique",
         "unique",
-        f"two exact poses {distance:.0f} m and {np.degrees(angle):.0f} deg apart, lines of sight equal to {twins.los_difference:.0e}",
+        f"two exact poses {distance:.0f} m and {np.degrees(angle):.0f} deg apart, lines of sight equal to "
+        f"{twins.los_difference:.0e}",
         distance,
         (distance, distance),
         1.0,
         "does not" if twins.valid else "ambiguous",
-        f"Cameras at {where} m see the landmarks {marks} m in the same directions; ranks {twins.ranks[0]} and {twins.ranks[1]}, not "
+        f"Cameras at {where} m see the landmarks {marks} m in the same directions; ranks {twins.ranks[0]} "
+        f"and {twins.ranks[1]}, not "
         "coplanar, and the solver converges to either with zero residual.",
         "does not",
     )
@@ -136,7 +152,8 @@ def _planar(descent: Descent) -> Claim:
     flat = float(np.ptp(descent.landmarks[:, 2]))
     singular = []
     for los in descent.los[above]:
-        # b × (H m) = 0 for every landmark m = (X, Y, 1): three equations each, linear in the nine entries of H.
+        # b × (H m) = 0 for every landmark m = (X, Y, 1): three equations each, linear in the nine entries of
+        # H.
         rows = [np.kron(_cross(b), m) for b, m in zip(los, plane, strict=True)]
         values = np.linalg.svd(np.concatenate(rows), compute_uv=False)
         singular.append(values[7] / values[0])
@@ -150,7 +167,8 @@ def _planar(descent: Descent) -> Claim:
         (full, full),
         1.0,
         "ambiguous" if np.isnan(full) else "holds" if full == 1.0 else "does not",
-        f"Its linear system has rank 8 of 9 (smallest of the eight scaled singular values {min(singular):.1e}), so one homography "
+        "Its linear system has rank 8 of 9 (smallest of the eight scaled singular values "
+        f"{min(singular):.1e}), so one homography "
         "and one pose in front of the landmarks fit.",
         "holds",
     )

@@ -42,7 +42,8 @@ def bound(scenario: LandmarkLanding, descent: Descent) -> Array:
 
 @dataclass(frozen=True)
 class LimitedCamera:
-    """Navigation with a limited field of view: measured while the landmarks are in view, propagated afterwards.
+    """Navigation with a limited field of view: measured while the landmarks are in view, propagated
+    afterwards.
 
     Attributes
     ----------
@@ -73,8 +74,9 @@ class LandingResult:
     runs, seed : int
         Size and seed of the campaign.
     arrays : dict of arrays
-        One row for each run. ``{ml,glsdc,lm}_error`` (runs, T, 6): true minus estimate ``[δp, δα]``, m and rad; ``_nees``, ``_chi2``,
-        ``_iterations``, ``_converged`` (runs, T). ``cold_{gn,lm}_{success,converged,iterations}`` (runs, times, offsets, angles);
+        One row for each run. ``{ml,glsdc,lm}_error`` (runs, T, 6): true minus estimate ``[δp, δα]``, m and
+        rad; ``_nees``, ``_chi2``, ``_iterations``, ``_converged`` (runs, T).
+        ``cold_{gn,lm}_{success,converged,iterations}`` (runs, times, offsets, angles);
         ``free_{success,converged}`` (runs, times): without a guess.
     """
 
@@ -104,7 +106,8 @@ class LandingResult:
         elif off < len(descent.times):
             last = off - 1
             held = (descent.times[off:] - descent.times[last])[:, None]
-            # The attitude error is in body axes, which turn on the way; the true rotation is close enough to the propagated one.
+            # The attitude error is in body axes, which turn on the way; the true rotation is close enough to
+            # the propagated one.
             turn = descent.dcm[off:] @ descent.dcm[last].T
             carry = np.zeros((len(turn), 6, 6))
             carry[:, :3, :3], carry[:, 3:, 3:] = np.eye(3), turn
@@ -130,7 +133,10 @@ class LandingResult:
             row += [np.degrees(rms[k, 3:].max()), np.nanmean(a["ml_nees"][:, k])]
             row += [a["glsdc_iterations"][:, k].mean(), a["lm_iterations"][:, k].mean()]
             rows.append(tuple(float(value) for value in row))
-        title = f"Landing with four landmarks, ideal camera, {self.runs} runs (s: 1-sigma bound, worst axis for attitude)"
+        title = (
+            f"Landing with four landmarks, ideal camera, {self.runs} runs (s: 1-sigma bound, worst axis "
+            "for attitude)"
+        )
         return Table(title, columns, tuple(rows))
 
     def camera_table(self) -> Table:
@@ -152,7 +158,9 @@ class LandingResult:
                 np.degrees(np.sqrt(square[-1, 3:].max())),
             )
             rows.append(tuple(float(value) for value in row))
-        return Table("Limited field of view: fixes end early, then the pose is propagated", columns, tuple(rows))
+        return Table(
+            "Limited field of view: fixes end early, then the pose is propagated", columns, tuple(rows)
+        )
 
     def tables(self) -> tuple[Table, ...]:
         """All tables of a report."""
@@ -165,7 +173,8 @@ class LandingResult:
         return judge_claims(self)
 
     def plot(self, path: str | os.PathLike[str]) -> list[Path]:
-        """Write the figures as PNG files into the folder ``path`` (needs the ``plot`` extra) and return their paths.
+        """Write the figures as PNG files into the folder ``path`` (needs the ``plot`` extra) and return their
+        paths.
 
         Raises
         ------

@@ -1,10 +1,11 @@
 """One block of Monte Carlo landings, solved as batches.
 
-1. Descent. All landings of the block advance together, one batch for each epoch, each warm-started with its own previous estimate, with
-   three estimators on the same measurements: the converged maximum-likelihood estimate ("ml"), and the publication's GLSDC ("glsdc")
-   and Levenberg–Marquardt ("lm") with the publication's stop test.
-2. Cold starts. At a few epochs, guesses scattered widely about the truth, for Gauss–Newton and Levenberg–Marquardt; and the same
-   images without any guess.
+1. Descent. All landings of the block advance together, one batch for each epoch, each warm-started with its
+   own previous estimate, with three estimators on the same measurements: the converged maximum-likelihood
+   estimate ("ml"), and the publication's GLSDC ("glsdc") and Levenberg–Marquardt ("lm") with the
+   publication's stop test.
+2. Cold starts. At a few epochs, guesses scattered widely about the truth, for Gauss–Newton and
+   Levenberg–Marquardt; and the same images without any guess.
 """
 
 from __future__ import annotations
@@ -20,7 +21,11 @@ from numpy.typing import NDArray
 import losnav as ln
 from losnav.attitude import mrp_from_dcm, rotation_error
 from losnav.consistency import chi2_quantile
-from losnav.scenarios.landmark_landing.descent import focal_plane_covariance, perturb_los, rotation_from_vector
+from losnav.scenarios.landmark_landing.descent import (
+    focal_plane_covariance,
+    perturb_los,
+    rotation_from_vector,
+)
 
 if TYPE_CHECKING:
     from losnav.scenarios.landmark_landing import LandmarkLanding
@@ -29,7 +34,8 @@ __all__ = ["SUCCESS_NEES", "LandingTask"]
 
 Array = NDArray[np.float64]
 
-#: A pose belongs to the right minimum if its NEES is below the 1 − 10⁻⁹ quantile of chi²(6): noise alone exceeds it once in 10⁹.
+#: A pose belongs to the right minimum if its NEES is below the 1 − 10⁻⁹ quantile of chi²(6): noise alone
+#: exceeds it once in 10⁹.
 SUCCESS_NEES = float(chi2_quantile(1 - 1e-9, 6))
 
 
@@ -121,8 +127,11 @@ class LandingTask:
         arrays["free_converged"] = free["converged"]
         return arrays
 
-    def _cold_guesses(self, rng: Generator, position: Array, dcm: Array, shape: tuple[int, int, int]) -> Array:
-        """Guesses (epochs, offsets, angles, 6), normally distributed with the grid's spreads about the truth."""
+    def _cold_guesses(
+        self, rng: Generator, position: Array, dcm: Array, shape: tuple[int, int, int]
+    ) -> Array:
+        """Guesses (epochs, offsets, angles, 6), normally distributed with the grid's spreads about the
+        truth."""
         s = self.scenario
         normal = rng.standard_normal((2, *shape, 3))
         scale = np.linalg.norm(position, axis=-1) / np.linalg.norm(s.initial_position)

@@ -1,0 +1,183 @@
+"""Claims 5 and 6: how many iterations GLSDC and LM need, and from where they reach the right pose."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from losnav.scenarios.intervals import CONFIDENCE, identity, percent, ratio, resampled, span
+from losnav.scenarios.verdicts import Claim, Verdict, judge
+
+if TYPE_CHECKING:
+    from losnav.scenarios.landmark_landing.result import LandingResult
+
+__all__ = ["convergence_claims"]
+
+_WARM: tuple[tuple[str, str, str, Verdict], ...] = (
+    ("b", "glsdc", "GLSDC", "does not"),
+    ("c", "lm", "LM", "holds"),
+)
+
+
+def convergence_claims(result: LandingResult) -> list[Claim]:
+    """Claims 5 and 6, paired over the same images."""
+    return [*_iterations(result), *_epochs(result)]
+
+
+def _iterations(result: LandingResult) -> list[Claim]:
+    """5: LM converges in fewer iterations than GLSDC."""
+    a = result.arrays
+    warm_gn, warm_lm = (a[f"{name}_iterations"][:, 1:].astype(float) for name in ("glsdc", "lm"))
+    value, interval = resampled((warm_gn - warm_lm).mean(axis=1), identity)
+    fewer, fewer_interval = resampled((warm_lm < warm_gn).mean(axis=1), identity)
+    return [
+        Claim(
+            "5a",
+            "LM needs fewer iterations than GLSDC on average (previous estimate as guess)",
+            "fewer (Fig. 6)",
+            f"GLSDC {warm_gn.mean():.2f}, LM {warm_lm.mean():.2f}: LM fewer by {span(value, interval)}",
+            value,
+            interval,
+            CONFIDENCE,
+            judge(interval, above=0.0),
+            "Printed stop test, trial steps that LM rejects counted; paired over the same images, "
+            "bootstrap over runs.",
+            "does not",
+        ),
+        Claim(
+            "5b",
+            "LM needs fewer iterations on most images",
+            "fewer (Fig. 6)",
+            f"{percent(fewer, fewer_interval)} of images",
+            fewer,
+            fewer_interval,
+            CONFIDENCE,
+            judge(fewer_interval, above=0.5),
+            "Same runs as 5a, image by image.",
+            "does not",
+        ),
+        *_cold_iterations(result),
+    ]
+
+
+def _cold_iterations(result: LandingResult) -> list[Claim]:
+    far = _far_cells(result)
+    good = {name: result.arrays[f"cold_{name}_success"][:, far].astype(float) for name in ("gn", "lm")}
+    count = {name: result.arrays[f"cold_{name}_iterations"][:, far].astype(float) for name in ("gn", "lm")}
+    both = good["gn"] * good["lm"]
+    pairs = np.stack([(both * (count["lm"] < count["gn"])).sum(axis=1), both.sum(axis=1)], axis=1)
+    fewer, fewer_interval = resampled(pairs, ratio)
+    means = [float((both * count[name]).sum() / max(both.sum(), 1.0)) for name in ("gn", "lm")]
+    saved, saved_interval = resampled((count["gn"] - count["lm"]).mean(axis=1), identity)
+    lead, lead_interval = resampled((good["lm"] - good["gn"]).mean(axis=1), identity)
+    return [
+        Claim(
+            "5c",
+            "LM needs fewer iterations from far cold starts, where both succeed",
+            "fewer",
+            f"in {percent(fewer, fewer_interval)} of them; mean GLSDC {means[0]:.2f}, LM {means[1]:.2f}",
+            fewer,
+            fewer_interval,
+            CONFIDENCE,
+            judge(fewer_interval, above=0.5),
+            f"{_far_text(result)}; stop at a relative change of {result.scenario.cold_cost_tolerance:g}.",
+            "does not",
+        ),
+        Claim(
+            "5d",
+            "LM needs fewer iterations from far cold starts, all starts counted",
+            "fewer",
+            f"GLSDC {count['gn'].mean():.1f}, LM {count['lm'].mean():.1f}: LM fewer by "
+            f"{span(saved, saved_interval)}",
+            saved,
+            saved_interval,
+            CONFIDENCE,
+            judge(saved_interval, above=0.0),
+            "Here GLSDC's wandering and diverging starts count with the iterations they burn.",
+            "holds",
+        ),
+        Claim(
+            "5e",
+            "LM reaches the right pose more often than GLSDC from far cold starts",
+            "-",
+            f"LM {good['lm'].mean():.2%}, GLSDC {good['gn'].mean():.2%}: LM more by "
+            f"{percent(lead, lead_interval)}",
+            lead,
+            lead_interval,
+            CONFIDENCE,
+            judge(lead_interval, above=0.0),
+            "Success, not the number of iterations, is what LM is for.",
+            "holds",
+        ),
+    ]
+
+
+def _epochs(result: LandingResult) -> list[Claim]:
+    """6: early epochs are harder to converge."""
+    times, far = result.scenario.cold_times, _far_cells(result)[0]
+    early, late = int(np.argmin(times)), int(np.argmax(times))
+    success = result.arrays["cold_gn_success"].astype(float)
+    at = {
+        k: success[:, k, far].mean(axis=1) if far.any() else success[:, k, 0, 0] * np.nan
+        for k in (early, late)
+    }
+    value, interval = resampled(at[late] - at[early], identity)
+    claims = [
+        Claim(
+            "6a",
+            "From a cold start, early epochs are harder to converge (GLSDC)",
+            "-",
+            f"success {at[early].mean():.0%} at {times[early]:.0f} s, {at[late].mean():.0%} at "
+            f"{times[late]:.0f} s: "
+            f"gain {percent(value, interval)}",
+            value,
+            interval,
+            CONFIDENCE,
+            judge(interval, above=0.0),
+            f"{_far_text(result)}; the position scatter shrinks with the range.",
+            "holds",
+        )
+    ]
+    for letter, name, label, established in _WARM:
+        iterations = result.arrays[f"{name}_iterations"][:, 1:].astype(float)
+        thirds = np.stack([part.mean(axis=1) for part in np.array_split(iterations, 3, axis=1)], axis=1)
+        value, interval = resampled(thirds[:, 0] - thirds[:, 2], identity)
+        claims.append(
+            Claim(
+                f"6{letter}",
+                f"With the previous estimate as guess, early epochs need more iterations ({label})",
+                "-",
+                f"{' / '.join(f'{mean:.2f}' for mean in thirds.mean(axis=0))} in the thirds of the "
+                f"descent: {span(value, interval)}",
+                value,
+                interval,
+                CONFIDENCE,
+                judge(interval, above=0.1),
+                "Mean of the first third minus the last, first image excepted; less than 0.1 iteration is "
+                "no effect.",
+                established,
+            )
+        )
+    return claims
+
+
+def _far_cells(result: LandingResult) -> NDArray[np.bool_]:
+    s = result.scenario
+    offsets = np.array(s.cold_offsets) > np.min(s.cold_offsets)
+    angles = np.array(s.cold_angles) > np.min(s.cold_angles)
+    cells = offsets[:, None] & angles[None, :]
+    return np.broadcast_to(cells, (len(s.cold_times), *cells.shape))
+
+
+def _far_text(result: LandingResult) -> str:
+    s = result.scenario
+    angles = sorted(np.degrees(s.cold_angles))[1:]
+    offsets = sorted(s.cold_offsets)[1:]
+    if not angles or not offsets:
+        return "No far cells in this grid"
+    return (
+        f"Guesses scattered by {offsets[0]:.0f} to {offsets[-1]:.0f} m (as of t = 0) and {angles[0]:.0f} "
+        f"to {angles[-1]:.0f} deg"
+    )
