@@ -244,10 +244,11 @@ class _Store:
             raise InvalidInputError(
                 f"out: expected a folder without a campaign, or resume, got {folder}, which holds one"
             )
-        different = [key for key in manifest if found.get(key) != manifest[key]]
-        if different:
+        was, now = ({**m, **m["task"]} for m in (found, manifest))
+        changed = [key for key in {**now, **was} if key != "task" and was.get(key) != now.get(key)]
+        if changed:
             got = ", ".join(
-                f"{key} {_brief(found.get(key))} instead of {_brief(manifest[key])}" for key in different
+                f"{key} {_brief(was.get(key))} instead of {_brief(now.get(key))}" for key in changed
             )
             raise InvalidInputError(f"out: expected the campaign to resume, got {folder} with {got}")
         for leftover in folder.glob(".*.tmp"):
@@ -291,7 +292,7 @@ class _Store:
 
 def _brief(value: Any) -> str:
     text = json.dumps(value)
-    return text if len(text) <= 80 else text[:77] + "…"
+    return text if len(text) <= 40 else text[:37] + "…"
 
 
 @contextlib.contextmanager

@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -91,7 +90,7 @@ def test_dask_cluster_gives_the_same_bits(expected, tmp_path):
         ) as cluster,
         distributed.Client(cluster) as client,
     ):
-        client.run(sys.path.append, str(Path(__file__).parent))
+        client.run(sys.path.extend, sys.path)
         arrays = run_campaign(draws, RUNS, seed=SEED, block=BLOCK, executor=client.get_executor())
     assert same(arrays, expected)
 
@@ -171,7 +170,12 @@ def test_folder_with_a_campaign_is_not_overwritten(tmp_path):
 
 @pytest.mark.parametrize(
     ("change", "name"),
-    [({"seed": 1}, "seed"), ({"runs": 5}, "runs"), ({"block": 3}, "block"), ({"describe": {"a": 2}}, "task")],
+    [
+        ({"seed": 1}, "seed"),
+        ({"runs": 5}, "runs"),
+        ({"block": 3}, "block"),
+        ({"describe": {"a": 2}}, "a 1 instead of 2"),
+    ],
 )
 def test_another_campaign_is_not_resumed(tmp_path, change, name):
     run_campaign(draws, out=tmp_path, **{"runs": 4, "describe": {"a": 1}})

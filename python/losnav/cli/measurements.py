@@ -24,6 +24,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from losnav import noise
 from losnav.errors import InvalidInputError
 
 __all__ = ["Camera", "Observations", "read_landmarks", "read_observations"]
@@ -119,12 +120,10 @@ class Camera:
     def covariance(self, los: Array, sigma_px: float) -> Array:
         """Covariance of each LOS for white pixel noise, rad², (N, 3) -> (N, 3, 3).
 
-        ``R = s² J J'`` with ``J`` the derivative of the unit vector by the pixel (distortion neglected); ``½
-        tr(R) bb'`` is added along the LOS, where it does not act, to make it invertible.
+        That of a flat detector with square pixels; distortion is neglected. The mean variance is added along
+        the LOS, where it does not act, to make the matrices invertible.
         """
-        tangent = np.eye(3) - los[:, :, None] * los[:, None, :]
-        factor = tangent[:, :, :2] * los[:, 2, None, None] * (sigma_px / np.array(self.focal))
-        covariance = factor @ np.swapaxes(factor, 1, 2)
+        covariance = noise.focal_plane(los, sigma_px / math.sqrt(self.focal[0] * self.focal[1]))
         along = 0.5 * np.trace(covariance, axis1=1, axis2=2)
         return np.asarray(covariance + along[:, None, None] * los[:, :, None] * los[:, None, :])
 

@@ -118,23 +118,27 @@ def rotation_from_vector(angle: Array) -> Array:
 
 
 def focal_plane_factor(los: Array, focal_length: float) -> Array:
-    """Derivative J = (I − bb') E |b₃|/f of a unit LOS by its focal-plane coordinates, 1/m, (..., 3) -> (...,
-    3, 2)."""
-    tangent = np.eye(3) - los[..., :, None] * los[..., None, :]
-    depth = np.maximum(np.abs(los[..., 2]), np.cos(_MAX_OFF_AXIS))
-    return tangent[..., :, :2] * (depth / focal_length)[..., None, None]
+    """Derivative of a unit LOS by its focal-plane coordinates along and across the radius, 1/m.
+
+    (..., 3) -> (..., 3, 2): at the angle θ off axis, a step on the focal plane turns the LOS by cos²θ/f along
+    the radius and by cos θ/f across it.
+    """
+    radius = np.linalg.norm(los[..., :2], axis=-1, keepdims=True)
+    # On the axis every direction is radial; any will do.
+    unit = np.where(radius > 1e-12, los[..., :2] / np.where(radius > 1e-12, radius, 1.0), [1.0, 0.0])
+    across = np.stack([-unit[..., 1], unit[..., 0], np.zeros(unit.shape[:-1])], axis=-1)
+    along = np.cross(across, los)
+    depth = np.maximum(np.abs(los[..., 2, None]), np.cos(_MAX_OFF_AXIS))
+    return np.stack([depth**2 * along, depth * across], axis=-1) / focal_length
 
 
 def focal_plane_covariance(los: Array, focal_length: float, sigma: float) -> Array:
-    """Covariance of LOS with white focal-plane noise, rad², (..., 3) -> (..., 3, 3).
+    """Covariance of LOS with white focal-plane noise, rad², rank 2, (..., 3) -> (..., 3, 3).
 
-    ``R = s² JJ'`` has no component along the LOS; ``½ tr(R) bb'`` is added there, which leaves the estimate
-    unchanged (to first order no innovation lies along the LOS) and makes the matrix invertible.
+    The model of :func:`losnav.noise.focal_plane`, held constant far off axis.
     """
     factor = sigma * focal_plane_factor(los, focal_length)
-    covariance = factor @ np.swapaxes(factor, -1, -2)
-    along = 0.5 * np.trace(covariance, axis1=-2, axis2=-1)
-    return np.asarray(covariance + along[..., None, None] * los[..., :, None] * los[..., None, :])
+    return np.asarray(factor @ np.swapaxes(factor, -1, -2))
 
 
 def perturb_los(los: Array, noise: Array, model: str, focal_length: float, sigma: float) -> Array:

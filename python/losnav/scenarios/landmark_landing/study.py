@@ -142,13 +142,16 @@ class LandingTask:
 
 
 def _nees(error: Array, covariance: Array) -> Array:
-    """Normalised squared errors e' P⁻¹ e; NaN where the solver had no covariance to report."""
-    known = np.isfinite(covariance).all(axis=(-1, -2)) & np.isfinite(error).all(axis=-1)
+    """Normalised squared errors e' P⁻¹ e; NaN where the solver has no usable covariance to report."""
+    # Symmetric scaling first: the position and attitude blocks differ by ten decades.
+    with np.errstate(all="ignore"):
+        scale = np.sqrt(np.diagonal(covariance, axis1=-2, axis2=-1))
+        correlation = covariance / (scale[..., :, None] * scale[..., None, :])
+        scaled = error / scale
+        # A start that ran off to infinity leaves a covariance that is singular to rounding, or none.
+        known = np.isfinite(scaled).all(axis=-1) & (np.nan_to_num(np.linalg.det(correlation)) > 0)
     nees = np.full(error.shape[:-1], np.nan)
-    if known.any():
-        # Symmetric scaling first: the position and attitude blocks differ by ten decades.
-        scale = np.sqrt(np.diagonal(covariance[known], axis1=-2, axis2=-1))
-        correlation = covariance[known] / (scale[:, :, None] * scale[:, None, :])
-        scaled = error[known] / scale
-        nees[known] = np.einsum("bi,bi->b", scaled, np.linalg.solve(correlation, scaled[..., None])[..., 0])
+    solved = np.linalg.solve(correlation[known], scaled[known][..., None])[..., 0]
+    nees[known] = np.sum(scaled[known] * solved, axis=-1)
+    nees[nees < 0] = np.nan
     return nees
