@@ -255,13 +255,13 @@ class _Store:
             leftover.unlink(missing_ok=True)
 
     def save_block(self, start: int, arrays: Arrays) -> None:
-        self._replace(self._block_path(start), lambda file: np.savez(file, **arrays))
+        self._replace(self._block_path(start), lambda file: _savez(file, arrays))
 
     def load_block(self, start: int) -> Arrays | None:
         return self._load(self._block_path(start))
 
     def save_results(self, arrays: Arrays) -> None:
-        self._replace(self.folder / _RESULTS, lambda file: np.savez(file, **arrays))
+        self._replace(self.folder / _RESULTS, lambda file: _savez(file, arrays))
         for path in self.folder.glob("block-*.npz"):
             path.unlink(missing_ok=True)
 
@@ -288,6 +288,12 @@ class _Store:
             file.flush()
             os.fsync(file.fileno())
         os.replace(temporary, path)
+
+
+def _savez(file: Any, arrays: Arrays) -> None:
+    # A mapping of names may not be spread over a signature that also names options.
+    save: Callable[..., None] = np.savez
+    save(file, **arrays)
 
 
 def _brief(value: Any) -> str:

@@ -198,7 +198,7 @@ def chi2_quantile(probability: ArrayLike, dof: ArrayLike) -> NDArray[np.float64]
     """
     p = np.asarray(probability, dtype=np.float64)
     if not np.all((p >= 0.0) & (p <= 1.0)):
-        raise InvalidInputError(f"probability: expected a probability in [0, 1], got {probability}")
+        raise InvalidInputError(f"probability: expected a probability in [0, 1], got {probability!r}")
     return _broadcast(_quantile, p, dof)
 
 

@@ -44,10 +44,11 @@ def figure_style() -> Iterator[None]:
         If matplotlib is not installed.
     """
     try:
-        import matplotlib as mpl
+        from matplotlib import rc_context
     except ImportError:
         raise LosnavError("figures need matplotlib: pip install 'losnav[plot]'") from None
-    with mpl.rc_context(_STYLE):
+    style: Any = _STYLE
+    with rc_context(style):
         yield
 
 

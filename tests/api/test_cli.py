@@ -10,6 +10,7 @@ import sys
 import time
 
 import pytest
+
 from losnav import __version__
 from losnav.cli import main
 from losnav.cli.scenario_commands import parse_setting

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+
 from losnav import scenarios
 from losnav.campaign import worker_pool
 from losnav.consistency import nees_bounds

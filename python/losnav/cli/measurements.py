@@ -57,7 +57,7 @@ class Observations:
     @property
     def pixels(self) -> bool:
         """Whether the values are pixels."""
-        return self.values.shape[1] == 2
+        return bool(self.values.shape[1] == 2)
 
 
 @dataclass(frozen=True)

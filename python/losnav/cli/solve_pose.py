@@ -50,7 +50,7 @@ class Problem:
     covariance: Array | None
     unobserved: int
 
-    def noise(self, keep: NDArray[np.bool_] | None = None) -> dict[str, Array]:
+    def noise(self, keep: NDArray[np.bool_] | None = None) -> dict[str, Any]:
         """Noise arguments of the solver for all or some of the measurements."""
         pick = slice(None) if keep is None else keep
         if self.covariance is not None:
@@ -149,6 +149,7 @@ def _problem(arguments: argparse.Namespace) -> Problem:
         raise InvalidInputError(
             f"{arguments.observations}: expected at least 3 observations, got {len(observations.ids)}"
         )
+    _refuse_same_place(observations, positions)
     camera = _camera(arguments, observations)
     los = observations.values if camera is None else camera.los(observations)
     sigma, covariance = None, None
@@ -166,6 +167,17 @@ def _problem(arguments: argparse.Namespace) -> Problem:
         covariance,
         len(positions) - len(observations.ids),
     )
+
+
+def _refuse_same_place(observations: Observations, positions: dict[str, tuple[float, ...]]) -> None:
+    seen: dict[tuple[float, ...], str] = {}
+    for identifier, place in zip(observations.ids, observations.places, strict=True):
+        other = seen.setdefault(positions[identifier], identifier)
+        if other != identifier:
+            raise InvalidInputError(
+                f"{place}: expected landmarks at different places, got {identifier!r} where "
+                f"{other!r} is; keep one of them"
+            )
 
 
 def _camera(arguments: argparse.Namespace, observations: Observations) -> Camera | None:

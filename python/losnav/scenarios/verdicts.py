@@ -161,6 +161,9 @@ class Result(Protocol):
     def table(self) -> Table:
         """The figures a report would start with."""
 
+    def tables(self) -> tuple[Table, ...]:
+        """All tables of a report, :meth:`table` first."""
+
     def claims(self) -> Claims:
         """Every published claim, judged."""
 
@@ -170,6 +173,9 @@ class Result(Protocol):
 
 class Scenario(Protocol):
     """A frozen dataclass of parameters that can be run."""
+
+    def parameters(self) -> dict[str, Any]:
+        """All parameters by name."""
 
     def run(  # noqa: PLR0917 - the contract's order
         self,

@@ -59,7 +59,7 @@ class Descent:
     def position(self) -> Array:
         """Camera position in the site frame, m, (T, 3)."""
         value, slope = self._hermite
-        return value * self.start[0] + slope * self.start[1]
+        return np.asarray(value * self.start[0] + slope * self.start[1])
 
     @cached_property
     def mrp(self) -> Array:
@@ -68,7 +68,7 @@ class Descent:
         sigma, rate = self.start[2], self.start[3]
         # dσ/dt = ¼ B(σ) ω with B = (1 − σ'σ) I + 2 [σ×] + 2 σσ'
         b_matrix = (1 - sigma @ sigma) * np.eye(3) + 2 * cross_matrix(sigma) + 2 * np.outer(sigma, sigma)
-        return value * sigma + slope * (b_matrix @ rate / 4)
+        return np.asarray(value * sigma + slope * (b_matrix @ rate / 4))
 
     @cached_property
     def dcm(self) -> Array:
@@ -85,12 +85,12 @@ class Descent:
         """True lines of sight in camera axes, (T, N, 3)."""
         offset = self.landmarks - self.position[:, None, :]
         unit = offset / np.linalg.norm(offset, axis=-1, keepdims=True)
-        return np.einsum("tij,tnj->tni", self.dcm, unit)
+        return np.asarray(np.einsum("tij,tnj->tni", self.dcm, unit))
 
     @cached_property
     def off_axis(self) -> Array:
         """Angle of each landmark from the optical axis −z, rad, (T, N)."""
-        return np.arctan2(np.linalg.norm(self.los[..., :2], axis=-1), -self.los[..., 2])
+        return np.asarray(np.arctan2(np.linalg.norm(self.los[..., :2], axis=-1), -self.los[..., 2]))
 
     def nav_off(self, half_fov: float, least: int) -> int:
         """First epoch from which fewer than ``least`` landmarks are within ``half_fov`` (rad); ``T`` if there

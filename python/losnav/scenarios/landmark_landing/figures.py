@@ -103,6 +103,7 @@ def _errors_time(result: LandingResult) -> Figure:
 
 def _errors_altitude(result: LandingResult) -> Figure:
     descent, camera = result.scenario.descent, result.limited()
+    rows: tuple[tuple[str, slice, float, tuple[float, float]], ...]
     rows = (("position, worst axis [m]", slice(0, 3), 1.0, (1.0, 0.1)),)
     rows += (("attitude, worst axis [deg]", slice(3, 6), float(np.degrees(1.0)), (0.2, 0.05)),)
     figure, axes = new_figure(
@@ -197,12 +198,12 @@ def _cold_start(result: LandingResult) -> Figure:
     figure, axes = new_figure(
         2, columns, size=(2.6 * columns + 1.6, 5.8), title=title, sharex=True, sharey=True
     )
-    descent, image = s.descent_at(s.cold_times), None
+    descent = s.descent_at(s.cold_times)
     for row, (name, label) in enumerate((("gn", "GLSDC"), ("lm", "LM"))):
         success = 100 * result.arrays[f"cold_{name}_success"].mean(axis=0)
         for k in range(columns):
             axis = axes[row, k]
-            image = axis.imshow(success[k], vmin=0, vmax=100, cmap="cividis", origin="lower", aspect="auto")
+            axis.imshow(success[k], vmin=0, vmax=100, cmap="cividis", origin="lower", aspect="auto")
             axis.grid(visible=False)
             for (i, j), value in np.ndenumerate(success[k]):
                 axis.text(
@@ -219,7 +220,7 @@ def _cold_start(result: LandingResult) -> Figure:
             axis.set_title(f"{label}, {descent.times[k]:.0f} s ({descent.altitude[k]:.0f} m)", fontsize=9)
     figure.supxlabel("scatter of the attitude guess, 1σ per axis [deg]", fontsize=9)
     figure.supylabel("scatter of the position guess, 1σ per axis [m, scaled with the range]", fontsize=9)
-    figure.colorbar(image, ax=axes, shrink=0.8, label="success [%]")
+    figure.colorbar(axes[0, 0].images[0], ax=axes, shrink=0.8, label="success [%]")
     return figure
 
 

@@ -63,7 +63,7 @@ def cylinder_distance(triple: Array, position: Array) -> Array:
 def danger_crossings(landmarks: Array, times: Array, position: Array) -> list[tuple[tuple[int, ...], float]]:
     """Times (s) at which a path crosses the danger cylinder of each three of the landmarks, by linear
     interpolation."""
-    found = []
+    found: list[tuple[tuple[int, ...], float]] = []
     for triple in itertools.combinations(range(len(landmarks)), 3):
         distance = cylinder_distance(landmarks[list(triple)], position)
         for k in np.flatnonzero(distance[:-1] * distance[1:] < 0):

@@ -124,15 +124,23 @@ class LandingResult:
         picks = np.unique(np.append(np.arange(0, len(descent.times), self._stride()), len(descent.times) - 1))
         error = a["ml_error"]
         rms = np.sqrt(np.mean(error**2, axis=0))
-        columns = ("t [s]", "altitude [m]", "sx [m]", "sy [m]", "sz [m]", "rms position [m]", "s att. [deg]")
+        columns: tuple[str, ...] = (
+            "t [s]",
+            "altitude [m]",
+            "sx [m]",
+            "sy [m]",
+            "sz [m]",
+            "rms position [m]",
+            "s att. [deg]",
+        )
         columns += ("rms att. [deg]", "NEES", "iter. GLSDC", "iter. LM")
         rows = []
         for k in picks:
-            row = [descent.times[k], descent.altitude[k], *self.sigma[k, :3]]
-            row += [np.linalg.norm(rms[k, :3]), np.degrees(self.sigma[k, 3:].max())]
-            row += [np.degrees(rms[k, 3:].max()), np.nanmean(a["ml_nees"][:, k])]
-            row += [a["glsdc_iterations"][:, k].mean(), a["lm_iterations"][:, k].mean()]
-            rows.append(tuple(float(value) for value in row))
+            cells = [descent.times[k], descent.altitude[k], *self.sigma[k, :3]]
+            cells += [np.linalg.norm(rms[k, :3]), np.degrees(self.sigma[k, 3:].max())]
+            cells += [np.degrees(rms[k, 3:].max()), np.nanmean(a["ml_nees"][:, k])]
+            cells += [a["glsdc_iterations"][:, k].mean(), a["lm_iterations"][:, k].mean()]
+            rows.append(tuple(float(value) for value in cells))
         title = (
             f"Landing with four landmarks, ideal camera, {self.runs} runs (s: 1-sigma bound, worst axis "
             "for attitude)"
@@ -141,14 +149,19 @@ class LandingResult:
 
     def camera_table(self) -> Table:
         """When cameras of limited field of view lose the landmarks, and what that costs at touchdown."""
-        columns = ("half FOV [deg]", "fixes end [s]", "altitude [m]", "rms position then [m]")
+        columns: tuple[str, ...] = (
+            "half FOV [deg]",
+            "fixes end [s]",
+            "altitude [m]",
+            "rms position then [m]",
+        )
         columns += ("rms at touchdown [m]", "1-sigma predicted [m]", "rms att. at touchdown [deg]")
         descent, rows = self.scenario.descent, []
         for half_fov in sorted({*np.radians([35.0, 45.0, 60.0]).tolist(), self.scenario.half_fov}):
             camera = self.limited(half_fov)
             last = max(camera.nav_off - 1, 0)
             square = np.mean(camera.error**2, axis=0)
-            row = (
+            cells = (
                 np.degrees(half_fov),
                 descent.times[last],
                 descent.altitude[last],
@@ -157,7 +170,7 @@ class LandingResult:
                 np.sqrt(np.trace(camera.covariance[-1, :3, :3])),
                 np.degrees(np.sqrt(square[-1, 3:].max())),
             )
-            rows.append(tuple(float(value) for value in row))
+            rows.append(tuple(float(value) for value in cells))
         return Table(
             "Limited field of view: fixes end early, then the pose is propagated", columns, tuple(rows)
         )
