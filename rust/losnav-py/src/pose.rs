@@ -1,5 +1,7 @@
 //! `solve_pose`: one problem straight through, a batch over the cores with the GIL released.
-use losnav_core::estimators::least_squares::{Method, Options, Outcome, Parametrization, PoseState};
+use losnav_core::estimators::least_squares::{
+    Method, Options, Outcome, Parametrization, PoseState, Termination,
+};
 use losnav_core::estimators::loss::{Loss, Robust, RobustKind, Squared};
 use losnav_core::estimators::minimal::{Pose, candidates};
 use losnav_core::estimators::pose::LosObjective;
@@ -21,6 +23,8 @@ const CHUNK: usize = 256;
 const SERIAL_GUESS_FREE: usize = 8;
 /// Landmarks in all below which threads cost more than they save (about 0.1 ms of work).
 const SERIAL_LANDMARKS: usize = 4000;
+/// Times `max_iterations` that a start of a guess-free solve may go on after its first round.
+const VALLEY_ROUNDS: u32 = 40;
 /// From here on eight landmarks at a time are faster than four.
 const WIDE_LANDMARKS: usize = 64;
 /// With more landmarks than this in each problem, they fill the lanes better than problems do.
@@ -213,11 +217,28 @@ fn solve_guess_free<L: Loss>(loss: L, problem: &Problem<'_>, settings: &Settings
         };
         dispatch::wide(OnePose { problem, loss, options, starts: &starts, take });
     }
+    // A start in a long bent valley may need more: it goes on from where it stopped, the others are done.
+    for outcome in &mut outcomes {
+        if Termination::from_code(outcome.termination) == Termination::MaxIterations {
+            *outcome = go_on(loss, problem, options, outcome);
+        }
+    }
     let total = (0..problem.los.len()).map(weight).sum();
     let kept = rank(&mut outcomes, total, degrees_of_freedom(problem.los.len()));
     let mut records = outcomes.iter().take(kept.max(1)).map(|outcome| record(loss, problem, outcome));
     let best = records.next().unwrap_or_else(Record::invalid);
     Solved { best, others: records.collect() }
+}
+
+fn go_on<L: Loss>(loss: L, problem: &Problem<'_>, options: &Options, stopped: &Outcome<f64>) -> Outcome<f64> {
+    let options =
+        Options { max_iterations: options.max_iterations.saturating_mul(VALLEY_ROUNDS), ..*options };
+    let mut end = Outcome::undefined();
+    let take = |outcome| end = outcome;
+    let starts = [stopped.pose];
+    dispatch::narrow(OnePose { problem, loss, options: &options, starts: &starts, take });
+    end.iterations += stopped.iterations;
+    end
 }
 
 fn start_from(pose: &Pose) -> PoseState<f64> {
