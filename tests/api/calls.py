@@ -1,0 +1,91 @@
+"""Every public function with one good set of arguments, for tests that go through all doors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+import losnav as ln
+from tests.oracle import attitude, los
+
+# Whole numbers, so that the same scene can be handed over as integers.
+LANDMARKS = np.array([[30.0, 1, 2], [-2, 31, 0], [-29, 3, -4], [5, -33, 7], [12, 9, -10], [-14, -8, 11]])
+POSITION = np.array([-6.0, 8, 120])
+MRP = np.array([0.125, -0.25, 0.0625])
+DCM = attitude.dcm_from_mrp(MRP)
+QUATERNION = attitude.quaternion_from_mrp(MRP)
+LOS = los.predict_los(LANDMARKS, POSITION, MRP)
+SIGMA = np.array([1.0, 2, 1, 3, 1, 2]) * 2.0**-14
+COVARIANCE = SIGMA[:, None, None] ** 2 * (np.eye(3) + 0.25 * np.ones((3, 3)))
+GUESS = np.concatenate([POSITION + np.array([1, -1, 2]), MRP + 0.015625])
+
+
+@dataclass(frozen=True)
+class Call:
+    """A function, its array arguments (name, value, number of core axes), and its options."""
+
+    function: object
+    arrays: dict[str, np.ndarray]
+    options: dict[str, object]
+
+    def __call__(self, **changes):
+        return self.function(**{**self.arrays, **changes}, **self.options)
+
+
+CALLS = {
+    "dcm_from_mrp": Call(ln.attitude.dcm_from_mrp, {"mrp": MRP}, {}),
+    "mrp_from_dcm": Call(ln.attitude.mrp_from_dcm, {"dcm": DCM}, {}),
+    "dcm_from_quaternion": Call(ln.attitude.dcm_from_quaternion, {"q": QUATERNION}, {}),
+    "quaternion_from_dcm": Call(ln.attitude.quaternion_from_dcm, {"dcm": DCM}, {}),
+    "mrp_from_quaternion": Call(ln.attitude.mrp_from_quaternion, {"q": QUATERNION}, {}),
+    "quaternion_from_mrp": Call(ln.attitude.quaternion_from_mrp, {"mrp": MRP}, {}),
+    "mrp_shadow": Call(ln.attitude.mrp_shadow, {"mrp": MRP}, {}),
+    "rotation_error": Call(ln.attitude.rotation_error, {"dcm_true": DCM, "dcm_estimate": np.eye(3)}, {}),
+    "predict_los": Call(ln.predict_los, {"landmarks": LANDMARKS, "position": POSITION, "mrp": MRP}, {}),
+    "los_jacobian": Call(ln.los_jacobian, {"landmarks": LANDMARKS, "position": POSITION, "mrp": MRP}, {}),
+    "fisher_information": Call(
+        ln.fisher_information,
+        {"landmarks": LANDMARKS, "position": POSITION, "mrp": MRP, "sigma": SIGMA},
+        {},
+    ),
+    "pose_observability": Call(ln.pose_observability, {"landmarks": LANDMARKS, "position": POSITION}, {}),
+    "solve_pose": Call(
+        ln.solve_pose, {"landmarks": LANDMARKS, "los": LOS, "sigma": SIGMA, "guess": GUESS}, {}
+    ),
+    "solve_pose guess-free": Call(ln.solve_pose, {"landmarks": LANDMARKS, "los": LOS, "sigma": SIGMA}, {}),
+    "solve_pose covariance": Call(
+        ln.solve_pose, {"landmarks": LANDMARKS, "los": LOS, "covariance": COVARIANCE, "guess": GUESS}, {}
+    ),
+    "solve_pose_robust": Call(
+        ln.solve_pose_robust, {"landmarks": LANDMARKS, "los": LOS, "sigma": SIGMA}, {"seed": 1}
+    ),
+}
+DOORS = [(name, argument) for name, call in CALLS.items() for argument in call.arrays]
+
+SOLUTION_FIELDS = (
+    "position",
+    "mrp",
+    "dcm",
+    "quaternion",
+    "covariance",
+    "cost",
+    "chi2",
+    "dof",
+    "iterations",
+    "converged",
+)
+
+
+def numbers(result):
+    """The numerical content of any result as a list of arrays."""
+    if isinstance(result, np.ndarray):
+        return [result]
+    if hasattr(result, "termination"):
+        return [np.asarray(getattr(result, field)) for field in SOLUTION_FIELDS]
+    return [np.asarray(result.rank), np.asarray(result.singular_values), np.asarray(result.degree)]
+
+
+def same(a, b):
+    """Bit for bit the same numbers (NaN equal to NaN)."""
+    return all(np.array_equal(x, y, equal_nan=True) for x, y in zip(numbers(a), numbers(b), strict=True))
