@@ -145,7 +145,8 @@ def scenes(draw, minimum=4, maximum=12, max_depth=10.0, sigmas=(1e-6, 1e-4)):
     seed = draw(SEEDS)
     rng = np.random.default_rng(seed)
     centre = landmarks.mean(axis=0)
-    size = np.linalg.norm(landmarks - centre, axis=1).max()
+    # A single landmark has no extent; its scene is one metre in size.
+    size = np.linalg.norm(landmarks - centre, axis=1).max() or 1.0
     normal = np.linalg.svd(landmarks - centre)[2][2] * rng.choice([-1.0, 1.0])
     away = normal + rng.uniform(-0.5, 0.5, 3)
     depth = draw(st.floats(2.0, max_depth))

@@ -58,14 +58,23 @@ def test_compat_and_scenarios_use_the_public_api(path):
         assert own or not private, f"{path.relative_to(PACKAGE)} reaches for {name}"
 
 
+COERCIONS = {"asarray", "array", "ascontiguousarray", "asanyarray", "require"}
+
+
 def test_the_only_coercion_home():
-    """np.asarray and its like are called in _arrays.py only, below the scenario layer."""
+    """Nobody but _arrays.py turns an argument into an array, below the scenario layer."""
     for path in FILES:
         if path.name == "_arrays.py" or RANK.get(room(path), 9) > 2:
             continue
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "np":
-                assert node.attr not in {"asarray", "ascontiguousarray", "asanyarray", "require"}, path.name
+        for function in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not isinstance(function, ast.FunctionDef) or function.name.startswith("_"):
+                continue
+            arguments = {a.arg for a in [*function.args.args, *function.args.kwonlyargs]}
+            for node in ast.walk(function):
+                if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+                    given = [a.id for a in node.args if isinstance(a, ast.Name)]
+                    direct = node.func.attr in COERCIONS and arguments.intersection(given)
+                    assert not direct, f"{path.name}: {function.name} coerces {given} itself"
 
 
 def test_something_was_looked_at():
