@@ -7,27 +7,32 @@ import losnav as ln
 from losnav import InvalidInputError
 from tests.api.calls import CALLS, COVARIANCE, DOORS, GUESS, LANDMARKS, LOS, MRP, POSITION, SIGMA, same
 
+# A covariance with NaN in it breaks its own rule first.
+NUMBER_RULE = {"covariance": "symmetric positive definite|finite"}
+
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize(("name", "argument"), DOORS)
 def test_non_finite_values(name, argument, bad):
+    """Wherever it stands: first, last, or in between with good numbers behind it."""
     call = CALLS[name]
-    for place in (0, call.arrays[argument].size - 1):
+    size = call.arrays[argument].size
+    for place in {0, size // 2, size - 1}:
         value = call.arrays[argument].copy()
         value.flat[place] = bad
-        with pytest.raises(InvalidInputError, match=rf"{argument}.*finite") as caught:
+        rule = NUMBER_RULE.get(argument, "finite")
+        with pytest.raises(InvalidInputError, match=rf"{argument}.*({rule})"):
             call(**{argument: value})
-        assert str(bad).lower().replace("-", "") in str(caught.value).lower()
 
 
 @pytest.mark.parametrize(("name", "argument"), DOORS)
 def test_the_index_is_named(name, argument):
+    """The last entry of the argument is bad: its row or its column stands in the brackets."""
     call = CALLS[name]
     value = call.arrays[argument].copy()
     index = tuple(n - 1 for n in value.shape)
     value[index] = np.nan
-    first = rf"{argument}\[{index[0]}"
-    with pytest.raises(InvalidInputError, match=first):
+    with pytest.raises(InvalidInputError, match=rf"{argument}\[(\d+, )*{index[0]}[],]"):
         call(**{argument: value})
 
 
@@ -137,11 +142,6 @@ def test_covariances_must_be_covariances(bad):
     covariance[2] = np.array(bad) * 1e-8
     with pytest.raises(InvalidInputError, match=r"covariance\[2\].*symmetric positive"):
         ln.solve_pose(LANDMARKS, LOS, covariance=covariance, guess=GUESS)
-
-
-def test_sigma_and_covariance_together():
-    with pytest.raises(InvalidInputError, match=r"sigma.*covariance|covariance.*sigma"):
-        ln.solve_pose(LANDMARKS, LOS, sigma=1e-3, covariance=COVARIANCE)
 
 
 @pytest.mark.parametrize(
