@@ -1,4 +1,4 @@
-"""pose_observability against the singular values of the oracle, on generic and on every named singular case."""
+"""pose_observability against the oracle's singular values, on generic and on every named singular case."""
 
 import numpy as np
 import pytest
