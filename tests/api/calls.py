@@ -49,7 +49,9 @@ CALLS = {
         {"landmarks": LANDMARKS, "position": POSITION, "mrp": MRP, "sigma": SIGMA},
         {},
     ),
-    "pose_observability": Call(ln.pose_observability, {"landmarks": LANDMARKS, "position": POSITION}, {}),
+    "pose_observability": Call(
+        getattr(ln, "pose_observability", None), {"landmarks": LANDMARKS, "position": POSITION}, {}
+    ),
     "solve_pose": Call(
         ln.solve_pose, {"landmarks": LANDMARKS, "los": LOS, "sigma": SIGMA, "guess": GUESS}, {}
     ),
@@ -58,9 +60,13 @@ CALLS = {
         ln.solve_pose, {"landmarks": LANDMARKS, "los": LOS, "covariance": COVARIANCE, "guess": GUESS}, {}
     ),
     "solve_pose_robust": Call(
-        ln.solve_pose_robust, {"landmarks": LANDMARKS, "los": LOS, "sigma": SIGMA}, {"seed": 1}
+        getattr(ln, "solve_pose_robust", None),
+        {"landmarks": LANDMARKS, "los": LOS, "sigma": SIGMA},
+        {"seed": 1},
     ),
 }
+# A function that is not there yet fails in test_contract.py, not here.
+CALLS = {name: call for name, call in CALLS.items() if call.function}
 DOORS = [(name, argument) for name, call in CALLS.items() for argument in call.arrays]
 
 SOLUTION_FIELDS = (
