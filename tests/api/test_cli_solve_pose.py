@@ -78,7 +78,7 @@ def test_pixels_with_distortion(capsys, tmp_path, landmarks_csv, los, distortion
     focal, centre = (800.0, 810.0), (320.0, 240.0)
     observations = write(tmp_path / "o.csv", numbered(pixels(los, focal, centre, *distortion)), "id,u,v")
     options = ["--focal", "800,810", "--principal-point", "320,240", "--sigma-px", "0.2"]
-    options += [f"--distortion={distortion[0]},{distortion[1]}"]
+    options += ["--distortion", f"{distortion[0]},{distortion[1]}"]
     report = solved(capsys, [landmarks_csv, observations, *options])
     np.testing.assert_allclose(report["position_m"], POSITION, atol=1e-8)
     np.testing.assert_allclose(report["mrp"], MRP, atol=1e-10)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 from collections.abc import Sequence
 from typing import NoReturn
@@ -18,6 +19,8 @@ from losnav.errors import LosnavError
 __all__ = ["main"]
 
 BAD_INPUT, INTERRUPTED = 2, 130
+
+_NEGATIVE_LIST = re.compile(r"-\.?\d[^,]*,")
 
 
 class _Parser(argparse.ArgumentParser):
@@ -49,7 +52,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     parser = _build_parser()
     try:
-        arguments = parser.parse_args(argv)
+        arguments = parser.parse_args(_joined(sys.argv[1:] if argv is None else argv))
         code: int = arguments.command(arguments)
         sys.stdout.flush()
         return code
@@ -68,6 +71,17 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (LosnavError, OSError) as error:
         print(f"losnav: error: {' '.join(str(error).split())}", file=sys.stderr)
         return BAD_INPUT
+
+
+def _joined(argv: Sequence[str]) -> list[str]:
+    """Join options with values like -1,2: argparse takes a minus sign and a comma for another option."""
+    joined: list[str] = []
+    for word in argv:
+        if joined and joined[-1].startswith("--") and "=" not in joined[-1] and _NEGATIVE_LIST.match(word):
+            joined[-1] += f"={word}"
+        else:
+            joined.append(word)
+    return joined
 
 
 def _build_parser() -> argparse.ArgumentParser:

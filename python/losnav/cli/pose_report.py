@@ -134,19 +134,18 @@ def _fit(problem: Problem, solution: ln.PoseSolution, scale: float | None, rejec
             "cannot be checked"
         )
     p = _p_value(solution)
-    head = f"chi2 {chi2:.1f} for {dof} degrees of freedom, p = {p:.2g}"
+    odds = f"p = {p:.2g}" if p >= 1e-99 else "p < 1e-99"
+    head = f"chi2 {chi2:.4g} for {dof} degrees of freedom, {odds}"
     ratio = np.sqrt(chi2 / dof)
     if p < _DOUBT:
-        hint = (
-            "sigma too small, or wrong matches left"
-            if rejecting
-            else "sigma too small, or wrong matches (try --robust)"
+        cause = "wrong matches left" if rejecting else "wrong matches (try --robust)"
+        return (
+            f"{head}: residuals {ratio:.3g} times larger than sigma allows, do not trust the 1-sigma above; "
+            f"sigma too small, or {cause}"
         )
-        return f"{head}: residuals {ratio:.3g} times larger than sigma allows; {hint}"
     if p > 1 - _DOUBT:
         return (
-            f"{head}: residuals {ratio:.2g} times sigma; sigma is probably too large, and so is the "
-            "1-sigma above"
+            f"{head}: residuals {ratio:.2g} times sigma; sigma, and the 1-sigma above, are probably too large"
         )
     return f"{head}: consistent with sigma"
 
