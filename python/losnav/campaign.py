@@ -348,6 +348,13 @@ def worker_pool(jobs: int) -> concurrent.futures.ProcessPoolExecutor:
     ------
     InvalidInputError
         If ``jobs`` is less than 1.
+
+    Examples
+    --------
+    >>> from losnav.campaign import worker_pool
+    >>> with worker_pool(1) as pool:
+    ...     pool.submit(abs, -3).result()
+    3
     """
     return concurrent.futures.ProcessPoolExecutor(
         max_workers=_count("jobs", jobs),

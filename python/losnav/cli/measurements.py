@@ -34,6 +34,9 @@ Array = NDArray[np.float64]
 # Same as the solver's: a longer or shorter vector is a mistake, not a direction.
 _UNIT_TOLERANCE = 1e-2
 _MAX_NEWTON = 50
+# A pixel farther out is within 2 minutes of arc of the image plane: a mistake in the units of the focal
+# length.
+_MAX_FOCAL_LENGTHS = 2000.0
 
 
 @dataclass(frozen=True)
@@ -84,9 +87,17 @@ class Camera:
         Raises
         ------
         InvalidInputError
-            If the distortion model has no image there (beyond the radius where it folds back).
+            If a pixel lies at 90 degrees off axis for all practical purposes, or the distortion model has no
+            image there (beyond the radius where it folds back).
         """
-        distorted = (observations.values - np.array(self.centre)) / np.array(self.focal)
+        with np.errstate(over="ignore"):
+            distorted = (observations.values - np.array(self.centre)) / np.array(self.focal)
+        far = np.flatnonzero(~(np.abs(distorted) <= _MAX_FOCAL_LENGTHS).all(axis=1))
+        if far.size:
+            raise InvalidInputError(
+                f"{observations.places[far[0]]}: expected a pixel within {_MAX_FOCAL_LENGTHS:g} focal lengths "
+                f"of the principal point, got {observations.values[far[0]].tolist()}"
+            )
         plane = np.empty_like(distorted)
         for k, (place, point) in enumerate(zip(observations.places, distorted, strict=True)):
             scale = self._undistorted(math.hypot(*point))
@@ -107,10 +118,11 @@ class Camera:
         k1, k2 = self.distortion
         r = radius
         for _ in range(_MAX_NEWTON):
-            slope = 1 + 3 * k1 * r**2 + 5 * k2 * r**4
-            if not slope > 0:
+            square = r * r
+            slope = 1 + 3 * k1 * square + 5 * k2 * square * square
+            if not 0 < slope < math.inf:
                 return None
-            step = (r * (1 + k1 * r**2 + k2 * r**4) - radius) / slope
+            step = (r * (1 + k1 * square + k2 * square * square) - radius) / slope
             r -= step
             if abs(step) <= 1e-15 * radius:
                 return r / radius

@@ -72,7 +72,7 @@ def load(name: str, **overrides: object) -> Scenario:
     --------
     >>> import losnav as ln
     >>> landing = ln.scenarios.load("landmark-landing", focal_plane_sigma=0.3e-6)
-    >>> landing.los_sigma                      # rad
+    >>> round(landing.los_sigma, 9)            # rad
     6e-06
     """
     if name not in NAMES:
