@@ -19,6 +19,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from losnav._arrays import as_float64, finite
 from losnav.errors import InvalidInputError
 
 __all__ = [
@@ -105,7 +106,7 @@ def _quantile(p: float, dof: float) -> float:
 def _broadcast(
     function: Callable[[float, float], float], x: ArrayLike, dof: ArrayLike
 ) -> NDArray[np.float64]:
-    freedom = np.asarray(dof, dtype=np.float64)
+    freedom = as_float64(dof, "dof")
     if np.any(freedom <= 0.0):
         raise InvalidInputError(f"dof: expected positive degrees of freedom, got {freedom.min():g}")
     values = np.vectorize(function, otypes=[np.float64])(x, freedom)
@@ -196,7 +197,7 @@ def chi2_quantile(probability: ArrayLike, dof: ArrayLike) -> NDArray[np.float64]
     >>> round(float(chi2_quantile(0.95, 6)), 4)
     12.5916
     """
-    p = np.asarray(probability, dtype=np.float64)
+    p = as_float64(probability, "probability")
     if not np.all((p >= 0.0) & (p <= 1.0)):
         raise InvalidInputError(f"probability: expected a probability in [0, 1], got {probability!r}")
     return _broadcast(_quantile, p, dof)
@@ -358,7 +359,7 @@ def bootstrap_interval(
     >>> bool(low < 49.5 < high)
     True
     """
-    values = np.asarray(samples, dtype=np.float64).ravel()
+    values = finite(samples, "samples").ravel()
     if values.size == 0:
         raise InvalidInputError("samples: expected at least one value, got none")
     tail = 0.5 * (1.0 - _checked_confidence(confidence))

@@ -95,8 +95,8 @@ class Camera:
         far = np.flatnonzero(~(np.abs(distorted) <= _MAX_FOCAL_LENGTHS).all(axis=1))
         if far.size:
             raise InvalidInputError(
-                f"{observations.places[far[0]]}: expected a pixel within {_MAX_FOCAL_LENGTHS:g} focal lengths "
-                f"of the principal point, got {observations.values[far[0]].tolist()}"
+                f"{observations.places[far[0]]}: expected a pixel within {_MAX_FOCAL_LENGTHS:g} focal "
+                f"lengths of the principal point, got {observations.values[far[0]].tolist()}"
             )
         plane = np.empty_like(distorted)
         for k, (place, point) in enumerate(zip(observations.places, distorted, strict=True)):
