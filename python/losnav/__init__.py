@@ -1,6 +1,6 @@
 """Line-of-sight navigation: where am I, how am I oriented, and how well can I know it."""
 
-from losnav import attitude, noise
+from losnav import attitude, dynamics, noise, sensors
 from losnav._core import __version__
 from losnav.errors import (
     DegenerateGeometryError,
@@ -28,9 +28,11 @@ __all__ = [
     "UnobservableError",
     "__version__",
     "attitude",
+    "dynamics",
     "fisher_information",
     "los_jacobian",
     "noise",
     "predict_los",
+    "sensors",
     "solve_pose",
 ]

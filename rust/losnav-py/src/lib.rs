@@ -5,12 +5,14 @@ mod attitude;
 mod batch;
 mod convert;
 mod dispatch;
+mod dynamics;
 mod errors;
 mod inputs;
 #[cfg(target_arch = "x86_64")]
 mod lanes;
 mod los;
 mod pose;
+mod sensors;
 mod solution;
 
 /// The module `losnav._core`.
@@ -24,9 +26,15 @@ mod _core {
         quaternion_from_dcm, quaternion_from_mrp, rotation_error,
     };
     #[pymodule_export]
+    use crate::dynamics::{
+        dynamics_process_noise, dynamics_propagate, dynamics_trajectory, dynamics_transition,
+    };
+    #[pymodule_export]
     use crate::los::{fisher_information, los_jacobian, predict_los};
     #[pymodule_export]
     use crate::pose::solve_pose;
+    #[pymodule_export]
+    use crate::sensors::sensor_linearize;
     #[pymodule_export]
     use crate::solution::PoseSolution;
 

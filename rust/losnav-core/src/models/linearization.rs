@@ -109,3 +109,63 @@ pub trait Sink<T: Real> {
         self.add(&direction.expand(dcm));
     }
 }
+
+/// One measurement row as a sensor gave it, unweighted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Row<T> {
+    /// `y`.
+    pub innovation: T,
+    /// `∂h/∂p`, reference axes, 1/m.
+    pub d_position: Vec3<T>,
+    /// `∂h/∂v`, reference axes, s/m.
+    pub d_velocity: Vec3<T>,
+    /// `∂h/∂α`, body axes, 1/rad.
+    pub d_attitude: Vec3<T>,
+}
+
+impl<T: Real> Row<T> {
+    /// All zero.
+    #[must_use]
+    pub fn zero() -> Self {
+        let o = [T::zero(); 3];
+        Self { innovation: T::zero(), d_position: o, d_velocity: o, d_attitude: o }
+    }
+}
+
+/// The sink that only writes down: for tests, and for who wants to see a sensor's prediction and Jacobian.
+#[derive(Debug)]
+pub struct Recorder<'a, T> {
+    rows: &'a mut [Row<T>],
+    offered: usize,
+}
+
+impl<'a, T: Real> Recorder<'a, T> {
+    /// Writes to `rows` from the front.
+    #[must_use]
+    pub fn new(rows: &'a mut [Row<T>]) -> Self {
+        Self { rows, offered: 0 }
+    }
+
+    /// Rows offered so far; those beyond the room given were dropped.
+    #[must_use]
+    pub fn offered(&self) -> usize {
+        self.offered
+    }
+}
+
+impl<T: Real> Sink<T> for Recorder<'_, T> {
+    #[inline(always)]
+    fn add<const M: usize>(&mut self, rows: &Linearization<T, M>) {
+        for m in 0..M {
+            if let Some(row) = self.rows.get_mut(self.offered) {
+                *row = Row {
+                    innovation: rows.innovation[m],
+                    d_position: rows.d_position[m],
+                    d_velocity: rows.d_velocity[m],
+                    d_attitude: rows.d_attitude[m],
+                };
+            }
+            self.offered += 1;
+        }
+    }
+}

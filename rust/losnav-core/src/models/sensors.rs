@@ -1,4 +1,7 @@
-//! The sensors: one trait, one list. Tests, benches and bindings iterate the list.
+//! The sensors: one trait, one list. Laws, benches and bindings iterate the list.
+//!
+//! Adding a sensor: its file here (struct, equation, `linearize`, a specimen), its name in [`sensors!`](crate::sensors),
+//! its parameters in the bindings, its dataclass in Python, its `h(x)` in the oracle of the tests.
 use super::kinematics::Kinematics;
 use super::linearization::Sink;
 use crate::error::ModelError;
@@ -9,9 +12,14 @@ pub mod line_of_sight;
 pub use line_of_sight::LineOfSight;
 
 /// A measurement and its model: linearises `z ⊟ h(x)` at a state.
+///
+/// With a zero measurement the innovation is `−h(x)`: that is how a prediction is read from the one equation.
 pub trait SensorModel<T: Real> {
     /// The public name.
     const NAME: &'static str;
+
+    /// Rows [`linearize`](Self::linearize) hands over.
+    fn rows(&self) -> usize;
 
     /// Hands the linearisation at `x` to `sink`.
     ///
@@ -20,14 +28,21 @@ pub trait SensorModel<T: Real> {
     fn linearize(&self, x: &Kinematics<T>, sink: &mut impl Sink<T>) -> Result<(), ModelError>;
 }
 
-/// A sensor that can produce an example of itself, for the laws every sensor must obey.
-#[cfg(test)]
-pub trait Specimen<T: Real>: SensorModel<T> + Sized {
-    /// Hands an example whose measurement is what it predicts at `truth` to `check`.
-    fn with_specimen(truth: &Kinematics<T>, check: impl FnOnce(&Self));
+/// What a law does with a sensor.
+pub trait Law<T: Real> {
+    /// Examines one.
+    fn examine(&mut self, sensor: &impl SensorModel<T>);
 }
 
-/// THE list of sensors: calls `$then!{Name, Name, …}`.
+/// A sensor that can produce an example of itself, for the laws every sensor must obey.
+///
+/// The example depends on `truth` only as a constant, so the scalar may carry derivatives with respect to `x`.
+pub trait Specimen<T: Real> {
+    /// Shows an example that measures `truth`, with some noise, to `law`.
+    fn show(truth: &Kinematics<f64>, law: &mut impl Law<T>);
+}
+
+/// THE list of sensors: calls `$then!{Name, Name, …}`. Every name is a type with one scalar parameter.
 #[macro_export]
 macro_rules! sensors {
     ($then:ident) => {

@@ -2,10 +2,10 @@
 //!
 //! Size of the effect: a lateral shift of 1 m at 500 m turns a direction by 2 mrad. Left out: refraction, aberration,
 //! light time, the landmark's own uncertainty (add it to the covariance of the direction).
-use super::SensorModel;
+use super::{Law, SensorModel, Specimen};
 use crate::error::ModelError;
 use crate::math::real::{Mask, Real};
-use crate::math::vec3::{Vec3, dot, rotate, scale, sub};
+use crate::math::vec3::{Vec3, dot, rotate, scale, splat, sub};
 use crate::models::kinematics::Kinematics;
 use crate::models::linearization::{Direction, Sink, Weight};
 
@@ -44,6 +44,11 @@ impl<T: Real> SensorModel<T> for LineOfSight<'_, T> {
     const NAME: &'static str = "LineOfSight";
 
     #[inline(always)]
+    fn rows(&self) -> usize {
+        3 * self.landmarks.len().min(self.los.len())
+    }
+
+    #[inline(always)]
     fn linearize(&self, x: &Kinematics<T>, sink: &mut impl Sink<T>) -> Result<(), ModelError> {
         let mut weight = Weight::Scalar(T::one());
         for (index, (landmark, los)) in self.landmarks.iter().zip(self.los).enumerate() {
@@ -57,5 +62,21 @@ impl<T: Real> SensorModel<T> for LineOfSight<'_, T> {
             sink.add_direction(&block, &x.dcm);
         }
         Ok(())
+    }
+}
+
+impl<T: Real> Specimen<T> for LineOfSight<'_, T> {
+    fn show(truth: &Kinematics<f64>, law: &mut impl Law<T>) {
+        let landmarks = [[30.0, 2.0, -1.0], [-4.0, 25.0, 3.0], [-20.0, -15.0, 8.0]];
+        let noise = [[0.01, -0.02, 0.015], [-0.005, 0.01, 0.02], [0.012, 0.003, -0.01]];
+        let mut los = [[T::zero(); 3]; 3];
+        for i in 0..3 {
+            let (h, _) = predict(truth, landmarks[i]);
+            los[i] = splat([h[0] + noise[i][0], h[1] + noise[i][1], h[2] + noise[i][2]]);
+        }
+        let root = [[90.0, 0.0, 0.0], [20.0, 110.0, 0.0], [-30.0, 15.0, 70.0]];
+        let weights =
+            [Weight::Scalar(T::splat(1e4)), Weight::Full(root.map(splat)), Weight::Scalar(T::splat(5e3))];
+        law.examine(&LineOfSight { landmarks: &landmarks.map(splat), los: &los, weights: &weights });
     }
 }

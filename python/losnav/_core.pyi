@@ -1,0 +1,122 @@
+"""Types of the private engine. Public names and their documentation live in the modules of losnav."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, final
+
+import numpy as np
+import numpy.typing as npt
+
+from losnav.observability import Observability
+
+__version__: str
+
+_Floats = npt.NDArray[np.float64]
+_Integers = npt.NDArray[np.int64]
+
+# attitude
+
+def dcm_from_mrp(mrp: npt.ArrayLike, /) -> _Floats: ...
+def dcm_from_quaternion(q: npt.ArrayLike, /) -> _Floats: ...
+def mrp_from_dcm(dcm: npt.ArrayLike, /) -> _Floats: ...
+def mrp_from_quaternion(q: npt.ArrayLike, /) -> _Floats: ...
+def mrp_shadow(mrp: npt.ArrayLike, /) -> _Floats: ...
+def quaternion_from_dcm(dcm: npt.ArrayLike, /) -> _Floats: ...
+def quaternion_from_mrp(mrp: npt.ArrayLike, /) -> _Floats: ...
+def rotation_error(dcm_true: npt.ArrayLike, dcm_estimate: npt.ArrayLike, /) -> _Floats: ...
+
+# models
+
+def dynamics_propagate(
+    name: str, parameters: Sequence[float], state: _Floats, control: _Floats, dt: _Floats, /
+) -> _Floats: ...
+def dynamics_transition(
+    name: str, parameters: Sequence[float], state: _Floats, control: _Floats, dt: _Floats, /
+) -> _Floats: ...
+def dynamics_process_noise(
+    name: str, parameters: Sequence[float], state: _Floats, control: _Floats, dt: _Floats, /
+) -> _Floats: ...
+def dynamics_trajectory(
+    name: str, parameters: Sequence[float], state: _Floats, control: _Floats, dt: _Floats, /
+) -> _Floats: ...
+def sensor_linearize(
+    name: str, parameters: tuple[_Floats, ...], position: _Floats, velocity: _Floats, dcm: _Floats, /
+) -> tuple[_Floats, _Floats]: ...
+
+# pose from lines of sight
+
+def predict_los(landmarks: _Floats, position: _Floats, mrp: _Floats, /) -> _Floats: ...
+def los_jacobian(landmarks: _Floats, position: _Floats, mrp: _Floats, /) -> _Floats: ...
+def fisher_information(
+    landmarks: npt.ArrayLike,
+    predicted: npt.ArrayLike,
+    sigma: npt.ArrayLike,
+    covariance: npt.ArrayLike | None,
+    pose: npt.ArrayLike,
+    /,
+) -> _Floats: ...
+def solve_pose(
+    landmarks: npt.ArrayLike,
+    los: npt.ArrayLike,
+    sigma: npt.ArrayLike,
+    covariance: npt.ArrayLike | None,
+    guess: npt.ArrayLike | None,
+    method: str,
+    parametrization: str,
+    loss: str,
+    loss_scale: float | None,
+    damping: float,
+    max_iterations: int,
+    cost_tolerance: float,
+    step_tolerance: float,
+    on_error: str,
+    /,
+) -> PoseSolution: ...
+
+@final
+class PoseSolution:
+    """What a pose solve returns: every field has the shape of the batch."""
+
+    @property
+    def position(self) -> _Floats: ...
+    @property
+    def mrp(self) -> _Floats: ...
+    @property
+    def quaternion(self) -> _Floats: ...
+    @property
+    def dcm(self) -> _Floats: ...
+    @property
+    def covariance(self) -> _Floats: ...
+    @property
+    def cost(self) -> Any: ...
+    @property
+    def chi2(self) -> Any: ...
+    @property
+    def dof(self) -> Any: ...
+    @property
+    def iterations(self) -> Any: ...
+    @property
+    def termination(self) -> Any: ...
+    @property
+    def converged(self) -> Any: ...
+    @property
+    def alternatives(self) -> Any: ...
+    @property
+    def inliers(self) -> npt.NDArray[np.bool_] | None: ...
+    @property
+    def observability(self) -> Observability: ...
+    @property
+    def _body_information(self) -> _Floats: ...
+    @property
+    def _landmarks(self) -> _Floats: ...
+    def __reduce__(self) -> tuple[Callable[..., PoseSolution], tuple[Any, ...]]: ...
+    @staticmethod
+    def _restore(
+        shape: Sequence[int],
+        single: bool,
+        records: _Floats,
+        landmark_shape: Sequence[int],
+        landmarks: _Floats,
+        owners: Sequence[int],
+        others: _Floats,
+        inliers: Sequence[bool] | None,
+    ) -> PoseSolution: ...

@@ -1,0 +1,247 @@
+"""What is measured of a state: prediction, Jacobian and simulation of the built-in sensors.
+
+A sensor is a small frozen object. A state is one of
+
+* ``(..., 3)`` position or ``(..., 6)`` ``[r v]``, with the known attitude as context: ``dcm=`` body from
+reference; * ``(position, mrp)``, a tuple of two arrays, or an object with these attributes such as a
+``PoseSolution``.
+
+Jacobian columns follow the state's tangent: ``[dr]``, ``[dr dv]``, or ``[dp dalpha]`` with the attitude error
+in body axes. States, attitudes and landmarks broadcast over leading dimensions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from losnav import _core
+from losnav._arrays import (
+    ArrayLike,
+    FloatArray,
+    broadcast,
+    finite,
+    points,
+    positive,
+    rotations,
+    vectors,
+)
+from losnav.attitude import dcm_from_mrp
+from losnav.errors import InvalidInputError
+
+__all__ = ["LineOfSight"]
+
+# Columns of the engine's rows, [dp dv dalpha], that each kind of state has.
+POSITION = np.arange(3)
+POSITION_VELOCITY = np.arange(6)
+POSE = np.array([0, 1, 2, 6, 7, 8])
+
+
+@dataclass(frozen=True)
+class _Observer:
+    """Position, velocity and attitude of a state, and which columns its tangent has."""
+
+    position: FloatArray
+    velocity: FloatArray
+    dcm: FloatArray
+    columns: np.ndarray[Any, np.dtype[np.intp]]
+
+
+def _observer(state: Any, dcm: ArrayLike | None) -> _Observer:
+    if hasattr(state, "position") and hasattr(state, "mrp"):
+        state = (state.position, state.mrp)
+    if isinstance(state, tuple) and len(state) == 2:
+        if dcm is not None:
+            raise InvalidInputError("dcm: the state has an attitude of its own; give one or the other")
+        position = vectors(state[0], "position")
+        return _Observer(position, np.zeros(3), dcm_from_mrp(vectors(state[1], "mrp")), POSE)
+    array = finite(state, "state")
+    if array.ndim < 1 or array.shape[-1] not in (3, 6):
+        raise InvalidInputError(
+            f"state: expected shape (..., 3), (..., 6) or a tuple (position, mrp), got {array.shape}"
+        )
+    if dcm is None:
+        raise InvalidInputError(
+            "dcm: expected the attitude (body from reference), which this state does not hold"
+        )
+    attitude = rotations(dcm, "dcm")
+    if array.shape[-1] == 3:
+        return _Observer(array, np.zeros(3), attitude, POSITION)
+    return _Observer(array[..., :3], array[..., 3:], attitude, POSITION_VELOCITY)
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class LineOfSight:
+    """Unit directions from the observer to known landmarks, in body axes (equations 4, 7).
+
+    Measurement ``(..., 3 N)``: the N directions one after another, ``b = dcm @ (L - p) / |L - p|``. Each has
+    two degrees of freedom; to first order the third component is void.
+
+    Parameters
+    ----------
+    landmarks : (N, 3)
+        Landmarks in the reference frame, m.
+    sigma : scalar or (N,)
+        1-sigma noise of each direction, rad per axis.
+
+    Raises
+    ------
+    InvalidInputError
+        On wrong shapes, NaN, infinity, or a ``sigma`` that is not positive.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import losnav as ln
+    >>> sensor = ln.sensors.LineOfSight(landmarks=[[0.0, 0.0, 10.0], [10.0, 0.0, 0.0]], sigma=1e-3)
+    >>> state = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0]  # [r v]
+    >>> sensor.predict(state, dcm=np.eye(3))
+    array([0., 0., 1., 1., 0., 0.])
+    >>> sensor.jacobian(state, dcm=np.eye(3)).shape
+    (6, 6)
+    """
+
+    landmarks: FloatArray
+    sigma: FloatArray
+
+    def __init__(self, landmarks: ArrayLike, sigma: ArrayLike) -> None:
+        marks, deviation = points(landmarks, "landmarks").copy(), positive(sigma, "sigma").copy()
+        if deviation.shape not in ((), (len(marks),)):
+            raise InvalidInputError(
+                f"sigma: expected a scalar or shape ({len(marks)},), got {deviation.shape}"
+            )
+        for name, array in (("landmarks", marks), ("sigma", deviation)):
+            array.flags.writeable = False
+            object.__setattr__(self, name, array)
+
+    def predict(
+        self, state: Any, *, dcm: ArrayLike | None = None, landmarks: ArrayLike | None = None
+    ) -> FloatArray:
+        """Measurement expected at a state.
+
+        Parameters
+        ----------
+        state : (..., 3), (..., 6) or (position, mrp)
+            See the module.
+        dcm : (..., 3, 3), optional
+            Known attitude, body from reference, where the state has none.
+        landmarks : (N, 3) or (..., N, 3), optional
+            In place of the sensor's.
+
+        Returns
+        -------
+        (..., 3 N)
+            Unit vectors one after another.
+
+        Raises
+        ------
+        InvalidInputError
+            On wrong shapes, a missing attitude, NaN, infinity, or an observer on a landmark.
+        """
+        return self._linearize(state, dcm, landmarks)[0]
+
+    def jacobian(
+        self, state: Any, *, dcm: ArrayLike | None = None, landmarks: ArrayLike | None = None
+    ) -> FloatArray:
+        """Derivative of :meth:`predict` along the state's tangent (equation 11; attitude columns ``[b x]``).
+
+        Parameters
+        ----------
+        state, dcm, landmarks
+            As for :meth:`predict`.
+
+        Returns
+        -------
+        (..., 3 N, K)
+            Columns ``[dr]``, ``[dr dv]`` or ``[dp dalpha]``: 1/m, s/m, 1/rad.
+
+        Raises
+        ------
+        InvalidInputError
+            As :meth:`predict`.
+        """
+        return self._linearize(state, dcm, landmarks)[1]
+
+    def noise(
+        self, state: Any = None, *, dcm: ArrayLike | None = None, landmarks: ArrayLike | None = None
+    ) -> FloatArray:
+        """Covariance of the measurement: isotropic, ``sigma^2 I`` for each direction.
+
+        Parameters
+        ----------
+        state, dcm, landmarks
+            As for :meth:`predict`; only the number of landmarks matters here.
+
+        Returns
+        -------
+        (3 N, 3 N)
+            rad^2.
+        """
+        del state, dcm
+        count = self._landmarks(landmarks).shape[-2]
+        return np.diag(np.repeat(np.square(np.broadcast_to(self.sigma, count)), 3))
+
+    def simulate(
+        self,
+        state: Any,
+        rng: np.random.Generator | int | None = None,
+        *,
+        dcm: ArrayLike | None = None,
+        landmarks: ArrayLike | None = None,
+    ) -> FloatArray:
+        """Measurement with noise: each direction disturbed across itself by ``sigma`` per axis, then unit again.
+
+        Parameters
+        ----------
+        state, dcm, landmarks
+            As for :meth:`predict`.
+        rng : numpy.random.Generator or seed
+            Source of the noise.
+
+        Returns
+        -------
+        (..., 3 N)
+            Unit vectors one after another.
+
+        Raises
+        ------
+        InvalidInputError
+            As :meth:`predict`.
+        """
+        exact = self.predict(state, dcm=dcm, landmarks=landmarks)
+        b = exact.reshape((*exact.shape[:-1], -1, 3))
+        noise = np.random.default_rng(rng).standard_normal(b.shape)
+        noise *= np.broadcast_to(self.sigma, b.shape[-2:-1])[:, np.newaxis]
+        across = noise - np.sum(noise * b, axis=-1, keepdims=True) * b
+        measured = b + across
+        measured /= np.linalg.norm(measured, axis=-1, keepdims=True)
+        return np.asarray(measured.reshape(exact.shape))
+
+    def _landmarks(self, landmarks: ArrayLike | None) -> FloatArray:
+        if landmarks is None:
+            return self.landmarks
+        marks = vectors(landmarks, "landmarks")
+        if marks.ndim < 2 or (self.sigma.ndim and marks.shape[-2] != len(self.sigma)):
+            count = str(len(self.sigma)) if self.sigma.ndim else "N"
+            raise InvalidInputError(f"landmarks: expected shape (..., {count}, 3), got {marks.shape}")
+        return marks
+
+    def _linearize(
+        self, state: Any, dcm: ArrayLike | None, landmarks: ArrayLike | None
+    ) -> tuple[FloatArray, FloatArray]:
+        marks = self._landmarks(landmarks)
+        x = _observer(state, dcm)
+        named = (("position", x.position, 1), ("velocity", x.velocity, 1), ("dcm", x.dcm, 2))
+        if marks.ndim == 2:
+            shape, (p, v, a) = broadcast(*named)
+            marks = marks[np.newaxis]
+        else:
+            shape, (p, v, a, marks) = broadcast(*named, ("landmarks", marks, 2))
+        predicted, jacobian = _core.sensor_linearize(type(self).__name__, (marks,), p, v, a)
+        rows = 3 * marks.shape[-2]
+        return (
+            np.asarray(predicted).reshape((*shape, rows)),
+            np.asarray(jacobian).reshape((*shape, rows, 9))[..., x.columns],
+        )

@@ -1,0 +1,227 @@
+//! The listed dynamics over whole arrays: `losnav.dynamics`. Arguments come checked from there: `(B, N)` states,
+//! `(B, 3)` controls, `(B,)` time steps.
+use losnav_core::models::dynamics::{ClohessyWiltshire, DynamicsModel};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+
+use crate::convert::{self, Floats};
+use crate::errors::{choice_error, shape_error};
+
+/// Below this many numbers in the result threads cost more than they save.
+const SERIAL: usize = 1 << 16;
+
+/// How a listed model is made of the numbers its dataclass holds.
+trait Parameters: Sized {
+    fn from_parameters(parameters: &[f64]) -> Option<Self>;
+}
+
+impl Parameters for ClohessyWiltshire {
+    fn from_parameters(parameters: &[f64]) -> Option<Self> {
+        let &[mean_motion, acceleration_psd] = parameters else { return None };
+        Some(Self { mean_motion, acceleration_psd })
+    }
+}
+
+/// What is asked of a model.
+#[derive(Clone, Copy)]
+enum Question {
+    /// `x'`, `(B, N)`.
+    State,
+    /// `Φ`, `(B, N, N)`.
+    Transition,
+    /// `Q`, `(B, N, N)`.
+    Noise,
+}
+
+/// The rows of the arguments.
+struct Batch<'a> {
+    states: &'a [f64],
+    controls: &'a [[f64; 3]],
+    steps: &'a [f64],
+}
+
+impl Batch<'_> {
+    fn states<const N: usize>(&self) -> PyResult<&[[f64; N]]> {
+        let (rows, rest) = self.states.as_chunks::<N>();
+        let fits = rest.is_empty() && rows.len() == self.steps.len() && rows.len() == self.controls.len();
+        if fits { Ok(rows) } else { Err(shape_error("state", "(B, N)", &[self.states.len()])) }
+    }
+
+    fn answer<M, const N: usize>(&self, model: &M, question: Question) -> PyResult<(Vec<f64>, Vec<usize>)>
+    where
+        M: DynamicsModel<f64, N> + Sync,
+    {
+        let states = self.states::<N>()?;
+        let (size, shape) = match question {
+            Question::State => (N, vec![states.len(), N]),
+            Question::Transition | Question::Noise => (N * N, vec![states.len(), N, N]),
+        };
+        let mut data = vec![0.0; states.len() * size];
+        let one = |(k, out): (usize, &mut [f64])| {
+            let (x, u, dt) = (&states[k], self.controls[k], self.steps[k]);
+            match question {
+                Question::State => out.copy_from_slice(&model.propagate(x, u, dt)),
+                Question::Transition => out.copy_from_slice(model.transition(x, u, dt).as_flattened()),
+                Question::Noise => out.copy_from_slice(model.process_noise(x, dt).as_flattened()),
+            }
+        };
+        if data.len() < SERIAL {
+            data.chunks_mut(size).enumerate().for_each(one);
+        } else {
+            data.par_chunks_mut(size).with_min_len(64).enumerate().for_each(one);
+        }
+        Ok((data, shape))
+    }
+
+    /// States at the ends of all steps, the start included: `(B, T + 1, N)` from `(B, N)`, `(B, T, 3)`, `(T,)`.
+    fn trajectory<M, const N: usize>(&self, model: &M) -> PyResult<(Vec<f64>, Vec<usize>)>
+    where
+        M: DynamicsModel<f64, N> + Sync,
+    {
+        let states = self.states.as_chunks::<N>().0;
+        let steps = self.steps.len();
+        if self.controls.len() != states.len() * steps {
+            return Err(shape_error("control", "(B, T, 3)", &[self.controls.len(), 3]));
+        }
+        let mut data = vec![0.0; states.len() * (steps + 1) * N];
+        let one = |(k, out): (usize, &mut [f64])| {
+            let mut x = states[k];
+            for (step, row) in out.as_chunks_mut::<N>().0.iter_mut().enumerate() {
+                if let Some(before) = step.checked_sub(1) {
+                    x = model.propagate(&x, self.controls[k * steps + before], self.steps[before]);
+                }
+                *row = x;
+            }
+        };
+        let size = (steps + 1) * N;
+        if data.len() < SERIAL {
+            data.chunks_mut(size).enumerate().for_each(one);
+        } else {
+            data.par_chunks_mut(size).enumerate().for_each(one);
+        }
+        Ok((data, vec![states.len(), steps + 1, N]))
+    }
+}
+
+/// Something to do with a model, whichever it is.
+trait Task {
+    fn run<M, const N: usize>(&self, model: &M) -> PyResult<(Vec<f64>, Vec<usize>)>
+    where
+        M: DynamicsModel<f64, N> + Sync;
+}
+
+struct Ask<'a>(Batch<'a>, Question);
+
+impl Task for Ask<'_> {
+    fn run<M, const N: usize>(&self, model: &M) -> PyResult<(Vec<f64>, Vec<usize>)>
+    where
+        M: DynamicsModel<f64, N> + Sync,
+    {
+        self.0.answer(model, self.1)
+    }
+}
+
+struct Trace<'a>(Batch<'a>);
+
+impl Task for Trace<'_> {
+    fn run<M, const N: usize>(&self, model: &M) -> PyResult<(Vec<f64>, Vec<usize>)>
+    where
+        M: DynamicsModel<f64, N> + Sync,
+    {
+        self.0.trajectory(model)
+    }
+}
+
+/// Runs the task on the listed model of that name, without the GIL.
+fn with_model<'py>(
+    py: Python<'py>,
+    name: &str,
+    parameters: &[f64],
+    task: &(impl Task + Sync),
+) -> PyResult<Bound<'py, PyAny>> {
+    macro_rules! choose {
+        ($($listed:ident: $n:literal),* $(,)?) => {
+            $(if name == <$listed as DynamicsModel<f64, $n>>::NAME {
+                let model = $listed::from_parameters(parameters)
+                    .ok_or_else(|| shape_error("parameters", "those of the model", &[parameters.len()]))?;
+                let (data, shape) = py.detach(|| task.run::<$listed, $n>(&model))?;
+                return convert::array(py, &shape, data);
+            })*
+        };
+    }
+    losnav_core::dynamics! { choose }
+    Err(choice_error("dynamics", "the listed models", name))
+}
+
+fn ask<'py>(
+    py: Python<'py>,
+    name: &str,
+    parameters: &[f64],
+    arguments: [&Bound<'py, PyAny>; 3],
+    question: Question,
+) -> PyResult<Bound<'py, PyAny>> {
+    let [state, control, dt] = arguments;
+    let (state, control, dt) =
+        (Floats::new(state, "state")?, Floats::new(control, "control")?, Floats::new(dt, "dt")?);
+    let batch = Batch { states: state.data(), controls: control.data().as_chunks::<3>().0, steps: dt.data() };
+    with_model(py, name, parameters, &Ask(batch, question))
+}
+
+/// `(B, N)` states after the steps.
+#[pyfunction]
+#[pyo3(signature = (name, parameters, state, control, dt, /))]
+pub fn dynamics_propagate<'py>(
+    py: Python<'py>,
+    name: &str,
+    parameters: Vec<f64>,
+    state: &Bound<'py, PyAny>,
+    control: &Bound<'py, PyAny>,
+    dt: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyAny>> {
+    ask(py, name, &parameters, [state, control, dt], Question::State)
+}
+
+/// `(B, N, N)` transition matrices.
+#[pyfunction]
+#[pyo3(signature = (name, parameters, state, control, dt, /))]
+pub fn dynamics_transition<'py>(
+    py: Python<'py>,
+    name: &str,
+    parameters: Vec<f64>,
+    state: &Bound<'py, PyAny>,
+    control: &Bound<'py, PyAny>,
+    dt: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyAny>> {
+    ask(py, name, &parameters, [state, control, dt], Question::Transition)
+}
+
+/// `(B, N, N)` process noise.
+#[pyfunction]
+#[pyo3(signature = (name, parameters, state, control, dt, /))]
+pub fn dynamics_process_noise<'py>(
+    py: Python<'py>,
+    name: &str,
+    parameters: Vec<f64>,
+    state: &Bound<'py, PyAny>,
+    control: &Bound<'py, PyAny>,
+    dt: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyAny>> {
+    ask(py, name, &parameters, [state, control, dt], Question::Noise)
+}
+
+/// `(B, T + 1, N)` states from `(B, N)`, `(B, T, 3)` controls and `(T,)` steps.
+#[pyfunction]
+#[pyo3(signature = (name, parameters, state, control, dt, /))]
+pub fn dynamics_trajectory<'py>(
+    py: Python<'py>,
+    name: &str,
+    parameters: Vec<f64>,
+    state: &Bound<'py, PyAny>,
+    control: &Bound<'py, PyAny>,
+    dt: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let (state, control, dt) =
+        (Floats::new(state, "state")?, Floats::new(control, "control")?, Floats::new(dt, "dt")?);
+    let batch = Batch { states: state.data(), controls: control.data().as_chunks::<3>().0, steps: dt.data() };
+    with_model(py, name, &parameters, &Trace(batch))
+}
