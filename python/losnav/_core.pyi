@@ -6,9 +6,32 @@ from typing import Any, final
 import numpy as np
 import numpy.typing as npt
 
-from losnav.observability import Observability
+__all__ = [
+    "ISA",
+    "PoseSolution",
+    "__version__",
+    "dcm_from_mrp",
+    "dcm_from_quaternion",
+    "dynamics_process_noise",
+    "dynamics_propagate",
+    "dynamics_trajectory",
+    "dynamics_transition",
+    "fisher_information",
+    "los_jacobian",
+    "mrp_from_dcm",
+    "mrp_from_quaternion",
+    "mrp_shadow",
+    "predict_los",
+    "quaternion_from_dcm",
+    "quaternion_from_mrp",
+    "rotation_error",
+    "sensor_linearize",
+    "solve_pose",
+]
 
 __version__: str
+ISA: str
+"""Instruction set the batch kernels were dispatched to."""
 
 _Floats = npt.NDArray[np.float64]
 _Integers = npt.NDArray[np.int64]
@@ -103,7 +126,7 @@ class PoseSolution:
     @property
     def inliers(self) -> npt.NDArray[np.bool_] | None: ...
     @property
-    def observability(self) -> Observability: ...
+    def observability(self) -> Any: ...
     @property
     def _body_information(self) -> _Floats: ...
     @property

@@ -209,7 +209,7 @@ def _count(n: int) -> int:
 
 def _unit(los: ArrayLike, name: str = "los") -> FloatArray:
     b = units(los, name)
-    return b / np.linalg.norm(b, axis=-1, keepdims=True)
+    return np.asarray(b / np.linalg.norm(b, axis=-1, keepdims=True))
 
 
 def _projector(b: FloatArray) -> FloatArray:
@@ -224,7 +224,7 @@ def _variance(b: FloatArray, sigma: ArrayLike, name: str) -> FloatArray:
 
 def _squared(sigma: ArrayLike, name: str) -> FloatArray:
     with np.errstate(over="ignore", under="ignore"):
-        square = np.square(positive(sigma, name))
+        square: FloatArray = np.square(positive(sigma, name))
     if not (np.isfinite(square) & (square > 0.0)).all():
         raise InvalidInputError(f"{name}: expected a noise whose square is a number, got one out of range")
     return square

@@ -191,7 +191,7 @@ class LineOfSight:
         dcm: ArrayLike | None = None,
         landmarks: ArrayLike | None = None,
     ) -> FloatArray:
-        """Measurement with noise: each direction disturbed across itself by ``sigma`` per axis, then unit again.
+        """Measurement with noise: each direction disturbed across itself by ``sigma``, then unit again.
 
         Parameters
         ----------
@@ -212,12 +212,12 @@ class LineOfSight:
         """
         exact = self.predict(state, dcm=dcm, landmarks=landmarks)
         b = exact.reshape((*exact.shape[:-1], -1, 3))
-        noise = np.random.default_rng(rng).standard_normal(b.shape)
+        noise = np.asarray(np.random.default_rng(rng).standard_normal(b.shape))
         noise *= np.broadcast_to(self.sigma, b.shape[-2:-1])[:, np.newaxis]
-        across = noise - np.sum(noise * b, axis=-1, keepdims=True) * b
-        measured = b + across
+        noise -= np.einsum("...i,...i->...", noise, b)[..., np.newaxis] * b
+        measured: FloatArray = b + noise
         measured /= np.linalg.norm(measured, axis=-1, keepdims=True)
-        return np.asarray(measured.reshape(exact.shape))
+        return measured.reshape(exact.shape)
 
     def _landmarks(self, landmarks: ArrayLike | None) -> FloatArray:
         if landmarks is None:
