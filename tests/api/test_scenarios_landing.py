@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from losnav import scenarios
+from losnav import predict_los, scenarios, solve_pose
 from losnav.campaign import worker_pool
 from losnav.consistency import nees_bounds
 from losnav.errors import InvalidInputError, LosnavError
@@ -19,6 +19,8 @@ from losnav.scenarios.landmark_landing.geometry import (
     twin_poses,
 )
 from losnav.scenarios.landmark_landing.result import LandingResult
+from tests.conftest import SAME_FORMULA
+from tests.oracle import scenario as oracle
 
 RUNS, SEED = 60, 4
 BAND = 0.999
@@ -123,6 +125,24 @@ def test_descent_meets_both_ends(landing):
     turn = near.dcm[1] @ near.dcm[0].T
     rate = np.array([turn[1, 2], turn[2, 0], turn[0, 1]]) / 1e-3
     np.testing.assert_allclose(rate, landing.initial_rate, rtol=1e-3)
+
+
+def test_descent_is_the_oracles(landing):
+    descent = landing.descent
+    expected = [oracle.true_pose(t) for t in descent.times]
+    np.testing.assert_allclose(descent.position, [p for p, _ in expected], rtol=SAME_FORMULA, atol=1e-11)
+    np.testing.assert_allclose(descent.mrp, [s for _, s in expected], rtol=SAME_FORMULA, atol=1e-15)
+    los = np.stack([predict_los(oracle.LANDMARKS, *pose) for pose in expected])
+    np.testing.assert_allclose(descent.los, los, atol=SAME_FORMULA)
+
+
+def test_printed_sign_of_the_lines_of_sight_gives_the_mirror_camera(landing):
+    """The published unit vectors assume landmarks at +z; these are at -z: they fit a camera underground."""
+    los = landing.descent.los[0]
+    assert (los[:, 2] < 0).all()
+    solution = solve_pose(landing.landmarks, -los)
+    np.testing.assert_allclose(solution.position, (-50, 50, -500), atol=1e-6)
+    np.testing.assert_allclose(solution.dcm, landing.descent.dcm[0] @ np.diag([-1, -1, 1]), atol=1e-9)
 
 
 def test_landmarks_leave_the_field_of_view_where_published(landing):
