@@ -128,13 +128,13 @@ class Claims(tuple[Claim, ...]):
         rows = tuple((c.number, c.verdict, c.statement, c.printed, c.ours) for c in self)
         return Table("Published claims", ("claim", "verdict", "statement", "printed", "ours"), rows)
 
-    def count(self, verdict: object) -> int:
+    def tally(self, verdict: Verdict) -> int:
         """Number of claims with this verdict."""
         return sum(claim.verdict == verdict for claim in self)
 
     def __str__(self) -> str:
         kinds: Sequence[Verdict] = ("holds", "does not", "ambiguous")
-        total = ", ".join(f"{self.count(kind)} {kind}" for kind in kinds)
+        total = ", ".join(f"{self.tally(kind)} {kind}" for kind in kinds)
         return "\n".join([*(str(claim) for claim in self), f"{len(self)} statements: {total}"])
 
 

@@ -24,6 +24,7 @@ __all__ = ["draw_all"]
 Array = NDArray[np.float64]
 
 _SHOWN_RUNS = 40
+_ACROSS = ("axes fraction", "data")
 _LOWEST = 1.0  # m; below, a logarithmic altitude only stretches the last seconds
 _DEGREES = np.repeat([1.0, np.degrees(1.0)], 3)
 _AXES = (
@@ -103,14 +104,22 @@ def _errors_time(result: LandingResult) -> Figure:
 
 def _errors_altitude(result: LandingResult) -> Figure:
     descent, camera = result.scenario.descent, result.limited()
-    rows: tuple[tuple[str, slice, float, tuple[float, float]], ...]
-    rows = (("position, worst axis [m]", slice(0, 3), 1.0, (1.0, 0.1)),)
-    rows += (("attitude, worst axis [deg]", slice(3, 6), float(np.degrees(1.0)), (0.2, 0.05)),)
+    # The last column puts the labels of the printed limits on the free side of the curves.
+    rows: tuple[tuple[str, slice, float, tuple[float, float], tuple[str, str]], ...] = (
+        ("position, worst axis [m]", slice(0, 3), 1.0, (1.0, 0.1), ("bottom", "top")),
+        (
+            "attitude, worst axis [deg]",
+            slice(3, 6),
+            float(np.degrees(1.0)),
+            (0.2, 0.05),
+            ("bottom", "bottom"),
+        ),
+    )
     figure, axes = new_figure(
         1, 2, size=(11.0, 4.8), title="Error against altitude: measured rms and predicted 3σ"
     )
     above = descent.altitude > _LOWEST
-    for axis, (label, part, factor, limits) in zip(axes.flat, rows, strict=True):
+    for axis, (label, part, factor, limits, sides) in zip(axes.flat, rows, strict=True):
         for name, error, sigma, colour in (
             ("ideal camera", result.arrays["ml_error"], result.sigma, BLUE),
             (
@@ -128,16 +137,10 @@ def _errors_altitude(result: LandingResult) -> Figure:
             axis.loglog(
                 descent.altitude[above], rms[above], color=colour, label=f"rms of {result.runs} runs, {name}"
             )
-        for limit, (where, side) in zip(limits, ((0.99, "right"), (0.01, "left")), strict=True):
+        for limit, side in zip(limits, sides, strict=True):
             axis.axhline(limit, color=GREY, linewidth=0.8, linestyle=":")
-            axis.annotate(
-                f"printed {limit:g}",
-                (where, limit),
-                xycoords=("axes fraction", "data"),
-                ha=side,
-                va="bottom",
-                fontsize=8,
-            )
+            text = f"printed {limit:g}"
+            axis.annotate(text, (0.99, limit), xycoords=_ACROSS, ha="right", va=side, fontsize=8)
         if 0 < camera.nav_off < len(descent.times):
             axis.axvline(descent.altitude[camera.nav_off - 1], color=ORANGE, linewidth=0.8, linestyle=":")
         axis.invert_xaxis()
