@@ -11,6 +11,7 @@ mod inputs;
 #[cfg(target_arch = "x86_64")]
 mod lanes;
 mod los;
+mod observability;
 mod pose;
 mod sensors;
 mod solution;
@@ -31,6 +32,8 @@ mod _core {
     };
     #[pymodule_export]
     use crate::los::{fisher_information, los_jacobian, predict_los};
+    #[pymodule_export]
+    use crate::observability::{pose_geometry, pose_singular};
     #[pymodule_export]
     use crate::pose::solve_pose;
     #[pymodule_export]

@@ -3,4 +3,5 @@ pub mod real;
 pub mod rotation;
 pub mod so3;
 pub mod sym6;
+pub mod triangular6;
 pub mod vec3;
