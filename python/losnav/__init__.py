@@ -1,6 +1,6 @@
 """Line-of-sight navigation: where am I, how am I oriented, and how well can I know it."""
 
-from losnav import attitude, dynamics, noise, sensors
+from losnav import attitude, dynamics, noise, observability, sensors
 from losnav._core import __version__
 from losnav.errors import (
     DegenerateGeometryError,
@@ -9,6 +9,7 @@ from losnav.errors import (
     NumericalError,
     UnobservableError,
 )
+from losnav.observability import Observability, PoseObservability, pose_observability
 from losnav.pose import (
     PoseSolution,
     Termination,
@@ -23,6 +24,8 @@ __all__ = [
     "InvalidInputError",
     "LosnavError",
     "NumericalError",
+    "Observability",
+    "PoseObservability",
     "PoseSolution",
     "Termination",
     "UnobservableError",
@@ -32,6 +35,8 @@ __all__ = [
     "fisher_information",
     "los_jacobian",
     "noise",
+    "observability",
+    "pose_observability",
     "predict_los",
     "sensors",
     "solve_pose",

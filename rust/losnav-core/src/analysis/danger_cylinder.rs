@@ -34,7 +34,7 @@ impl Circle {
         let area = Real::sqrt(dot(normal, normal));
         let w = sub(c, b);
         let longest = Real::max(Real::max(uu, vv), dot(w, w));
-        if !(area > COLLINEAR * longest) {
+        if area <= COLLINEAR * longest || area.is_nan() {
             return None;
         }
         let axis = scale(1.0 / area, normal);

@@ -205,7 +205,7 @@ fn angular_radius(landmarks: &[Vec3<f64>], position: Vec3<f64>) -> f64 {
 fn name_curve(landmarks: &[Vec3<f64>], position: Vec3<f64>, twist: &Twist) -> Diagnosis {
     let turn = norm(twist.rotation);
     let range = landmarks.iter().map(|l| norm(sub(*l, position))).sum::<f64>() / landmarks.len() as f64;
-    if !(turn * range > FIT * norm(twist.velocity)) {
+    if turn * range <= FIT * norm(twist.velocity) {
         return Diagnosis::Unnamed;
     }
     let axis = scale(1.0 / turn, twist.rotation);
