@@ -17,12 +17,9 @@ use crate::math::so3::{
     rotation_from_mrp_rate, step,
 };
 use crate::math::sym6::{Ldl6, Sym6};
+use crate::math::triangular6::RANK_TOLERANCE;
 use crate::math::vec3::{Mat3, Vec3, add, cross, dot, rotate, rotate_transposed, sub};
 
-/// Least ratio of the smallest to the largest scaled singular value of a full-rank problem.
-///
-/// Its square, 1e-14, is what the pivots of the normal equations can resolve in double precision.
-pub const RANK_TOLERANCE: f64 = 1e-7;
 /// A minimum is reached if the predicted further decrease is below this part of the cost: 1e-3 standard deviations
 /// of the estimate for a residual of the size of the noise.
 const CONVERGED_DECREASE: f64 = 1e-6;

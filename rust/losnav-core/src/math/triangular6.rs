@@ -7,6 +7,8 @@
 use super::real::Real;
 
 /// Least ratio of the smallest to the largest scaled singular value of a full-rank problem.
+///
+/// Its square, 1e-14, is what the pivots of the normal equations can resolve in double precision.
 pub const RANK_TOLERANCE: f64 = 1e-7;
 /// Bound on the sweeps of the Jacobi iteration, which doubles its digits in each sweep near the end.
 const SWEEPS: usize = 24;
