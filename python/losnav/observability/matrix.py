@@ -92,16 +92,13 @@ class Observability:
 
     def _lines(self) -> list[str]:
         count = len(self.labels)
-        lines = [f"rank {self.rank} of {count}"]
-        if self.rank == count:
-            lines.append(f"degree {self.degree:.3g} (smallest over largest singular value)")
+        units = " (directions in units of the scale)" if np.any(self.scale != 1.0) else ""
+        lines = [f"rank {self.rank} of {count}{units}"]
         lost = self.unobservable / self.scale[:, np.newaxis]
-        lines += [f"unobservable: {_combination(v, self.labels)}" for v in _echelon(lost)]
-        if not lost.size:
-            lines.append(f"weakest: {_combination(self.weakest / self.scale, self.labels)}")
-        if np.any(self.scale != 1.0):
-            lines[-1] += " (in units of the scale)"
-        return lines
+        if lost.size:
+            return lines + [f"unobservable: {_combination(v, self.labels)}" for v in _echelon(lost)]
+        lines.append(f"degree {self.degree:.3g} (smallest over largest singular value)")
+        return [*lines, f"weakest: {_combination(self.weakest / self.scale, self.labels)}"]
 
 
 def degree(matrix: ArrayLike) -> Any:

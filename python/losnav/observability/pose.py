@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from losnav import _core
-from losnav._arrays import ArrayLike, FloatArray, as_float64, broadcast, vectors
+from losnav._arrays import ArrayLike, FloatArray, broadcast, vectors
 from losnav.observability.matrix import IntArray, Observability, plain, ratio
 from losnav.pose import predict_los
 
@@ -21,6 +21,8 @@ LABELS = ("position x", "position y", "position z", "attitude x", "attitude y", 
 # Cosine beyond which a direction is called by the name of its axis, and below which a shift is lateral.
 NEARLY_PARALLEL = 0.97
 NEARLY_PERPENDICULAR = 0.25
+# Noise this close to 1 rad is the default, not a noise: what rounding leaves of a one.
+UNIT_NOISE = 1e-9
 # A part of a motion below this share of the other is rounding.
 ROUNDING_SHARE = 1e-6
 
@@ -85,8 +87,10 @@ class PoseObservability(Observability):
     Attributes
     ----------
     rank, singular_values, degree, directions, labels, scale
-        As for :class:`Observability`; singular values are in 1/rad (per unit of noise), so that one over the
-        last is one standard deviation of the weakest direction, positions counted in mean ranges.
+        As for :class:`Observability`: the geometry, whatever the size of the noise. ``noise`` over a singular
+        value is one standard deviation of its direction, positions counted in mean ranges.
+    noise : float or (...)
+        1-sigma noise of a direction, rad (of the mean information where they differ); 1 if none was given.
     danger_cylinder_distance : float or (...)
         Distance of the camera from the danger cylinder of three landmarks, m: on it the pose is lost to first
         order, near it sigma grows as one over the distance. For more landmarks the largest over the triples
@@ -97,16 +101,14 @@ class PoseObservability(Observability):
     null_twist : (..., 6)
         Twist ``[w, v]`` in reference axes with ``w x L + v`` parallel to ``L - p`` for every landmark: a
         motion that no line of sight notices; ``w`` a unit vector (``v`` if nothing turns). NaN at full rank.
-    noise_known : bool
-        Whether a noise was given: 1-sigma values are real, not per radian of noise.
     body_axes : bool
         Whether an attitude was given: attitude directions are in body axes, not in reference axes.
     """
 
+    noise: float | FloatArray
     danger_cylinder_distance: float | FloatArray
     diagnosis: Any
     null_twist: FloatArray
-    noise_known: bool
     body_axes: bool
     # Mean direction to the landmarks, two axes and a number of the diagnosis, number of landmarks.
     _numbers: FloatArray
@@ -114,9 +116,10 @@ class PoseObservability(Observability):
     @property
     def weakest_sigma(self) -> FloatArray:
         """The weakest direction one standard deviation long, ``(..., 6)``, m and rad; inf if unobservable."""
-        last = np.where(np.array(self.rank) == 6, self.singular_values[..., -1], 0.0)[..., np.newaxis]
+        last = np.where(np.array(self.rank) == 6, self.singular_values[..., -1], 0.0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(self.weakest == 0.0, 0.0, self.weakest / last)
+            size = np.array(self.noise / last)[..., np.newaxis]
+            return np.where(self.weakest == 0.0, 0.0, self.weakest * size)
 
     @property
     def explanation(self) -> Any:
@@ -155,12 +158,12 @@ class PoseObservability(Observability):
         metres, degrees = float(np.linalg.norm(shift)), float(np.degrees(np.linalg.norm(turn)))
         if int(self.rank) < 6:
             return f"{motion}, {degrees / metres:.3g} deg for each metre" if shifts and turns else motion
-        # One standard deviation, for an unknown noise that of 1 mrad.
-        size = (1.0 if self.noise_known else 1e-3) / float(self.singular_values[-1])
+        # One standard deviation; of a noise of 1 mrad if none was given.
+        noise = float(self.noise)
+        given = abs(noise - 1.0) > UNIT_NOISE
+        size = (noise if given else 1e-3) / float(self.singular_values[-1])
         amounts = [f"{metres * size:.3g} m"] * shifts + [f"{degrees * size:.3g} deg"] * turns
-        return (
-            f"{motion}: {' and '.join(amounts)}, 1 sigma{'' if self.noise_known else ' at 1 mrad of noise'}"
-        )
+        return f"{motion}: {' and '.join(amounts)}, 1 sigma{'' if given else ' at 1 mrad of noise'}"
 
     def _lines(self) -> list[str]:
         if int(self.rank) < 6:
@@ -219,6 +222,12 @@ def pose_observability(
     >>> import losnav as ln
     >>> landmarks = [[32.5, 0, 0], [0, 30, 0], [-31.5, 0, 0], [0, -30.5, 0]]
     >>> print(ln.pose_observability(landmarks, [-50, 50, 500], sigma=2e-5))
+    rank 6 of 6: the pose is determined
+    weakest: position along y (lateral) together with rotation about -x: 1.08 m and 0.123 deg, 1 sigma
+    degree 0.00234 (smallest over largest singular value)
+    danger cylinder 42.1 m away (the farthest of the triples)
+    >>> print(ln.pose_observability(landmarks[:2], [-50, 50, 500]).diagnosis)
+    two landmarks
     """
     attitude = np.zeros(3) if mrp is None else vectors(mrp, "mrp")
     place = vectors(position, "position")
@@ -226,9 +235,8 @@ def pose_observability(
     lead = predicted.shape[:-2]
     pose = np.concatenate([np.broadcast_to(v, (*lead, 3)) for v in (place, attitude)], axis=-1)
     values, right = _core.pose_singular(landmarks, predicted, sigma, covariance, pose)
-    known = covariance is not None or bool(np.any(as_float64(sigma, "sigma") != 1.0))
     marks = vectors(landmarks, "landmarks")
-    return _assemble(marks, pose, values, right, noise_known=known, body_axes=mrp is not None)
+    return _assemble(marks, pose, values, right, body_axes=mrp is not None)
 
 
 def of_pose_solution(solution: PoseSolution) -> PoseObservability:
@@ -250,11 +258,8 @@ def of_pose_solution(solution: PoseSolution) -> PoseObservability:
     squares, basis = np.linalg.eigh(np.where(valid[..., np.newaxis, np.newaxis], scaled, np.eye(6)))
     values = np.where(valid[..., np.newaxis], np.sqrt(np.maximum(squares[..., ::-1], 0.0)), np.nan)
     right = np.swapaxes(basis[..., ::-1], -1, -2)
-    # Unit weights, that is no noise given: each direction adds two to the trace of the attitude block.
-    trace = np.trace(information[..., 3:, 3:], axis1=-2, axis2=-1)[valid]
-    known = kept is not None or not np.allclose(trace, 2.0 * marks.shape[-2], rtol=1e-9, atol=0.0)
     pose = np.concatenate([place, np.array(solution.mrp)], axis=-1)
-    return _assemble(marks, pose, values, right, kept, noise_known=known, body_axes=True)
+    return _assemble(marks, pose, values, right, kept, body_axes=True)
 
 
 def _assemble(
@@ -264,10 +269,9 @@ def _assemble(
     right: FloatArray,
     kept: npt.NDArray[np.bool_] | None = None,
     *,
-    noise_known: bool,
     body_axes: bool,
 ) -> PoseObservability:
-    """From singular values and vectors (rows) of the scaled Jacobian."""
+    """From singular values and vectors (rows) of the scaled, whitened Jacobian."""
     shape = values.shape[:-1]
     pose = np.broadcast_to(pose, (*shape, 6))
     _, flat = broadcast(("pose", pose, 1), ("values", values, 1), ("vectors", right, 2))
@@ -277,9 +281,14 @@ def _assemble(
     view, reach = _view(marks, pose[..., :3], kept)
     scale = np.repeat(np.stack([reach, np.ones(shape)], axis=-1), 3, axis=-1)
     count = np.broadcast_to(marks.shape[-2] if kept is None else kept.sum(axis=-1), shape)
+    # Each direction of unit weight adds two to the trace of the attitude block.
+    with np.errstate(invalid="ignore", divide="ignore"):
+        trace = (values**2 * (right[..., 3:] ** 2).sum(axis=-1)).sum(axis=-1)
+        noise = np.sqrt(2.0 * count / trace)
     return PoseObservability(
         rank=plain(rank),
-        singular_values=values,
+        singular_values=values * noise[..., np.newaxis],
+        noise=plain(noise),
         degree=plain(ratio(values)),
         directions=scale[..., np.newaxis] * np.swapaxes(right, -1, -2),
         labels=LABELS,
@@ -287,7 +296,6 @@ def _assemble(
         danger_cylinder_distance=plain(numbers[..., 6]),
         diagnosis=_DIAGNOSES[np.where(np.isfinite(values).all(axis=-1), code, _INVALID)],
         null_twist=_null_twist(rank, numbers, pose[..., :3], reach),
-        noise_known=noise_known,
         body_axes=body_axes,
         _numbers=np.concatenate([view, numbers[..., 7:], count[..., np.newaxis]], axis=-1),
     )
