@@ -6,6 +6,8 @@ from typing import Any, final
 import numpy as np
 import numpy.typing as npt
 
+from losnav.observability import PoseObservability
+
 __all__ = [
     "ISA",
     "PoseSolution",
@@ -21,6 +23,8 @@ __all__ = [
     "mrp_from_dcm",
     "mrp_from_quaternion",
     "mrp_shadow",
+    "pose_geometry",
+    "pose_singular",
     "predict_los",
     "quaternion_from_dcm",
     "quaternion_from_mrp",
@@ -77,6 +81,17 @@ def fisher_information(
     pose: npt.ArrayLike,
     /,
 ) -> _Floats: ...
+def pose_singular(
+    landmarks: npt.ArrayLike,
+    predicted: _Floats,
+    sigma: npt.ArrayLike,
+    covariance: npt.ArrayLike | None,
+    pose: _Floats,
+    /,
+) -> tuple[_Floats, _Floats]: ...
+def pose_geometry(
+    landmarks: _Floats, pose: _Floats, values: _Floats, vectors: _Floats, kept: _Floats | None, /
+) -> tuple[_Integers, _Integers, _Floats]: ...
 def solve_pose(
     landmarks: npt.ArrayLike,
     los: npt.ArrayLike,
@@ -126,7 +141,7 @@ class PoseSolution:
     @property
     def inliers(self) -> npt.NDArray[np.bool_] | None: ...
     @property
-    def observability(self) -> Any: ...
+    def observability(self) -> PoseObservability: ...
     @property
     def _body_information(self) -> _Floats: ...
     @property

@@ -245,20 +245,19 @@ def of_pose_solution(solution: PoseSolution) -> PoseObservability:
     Squaring costs half the digits: ratios of singular values below some 1e-8 are rounding, which is below the
     rank tolerance.
     """
-    information, dcm = np.array(solution._body_information), np.array(solution.dcm)
-    place, marks = np.array(solution.position), np.array(solution._landmarks)
-    kept: npt.NDArray[np.bool_] | None = solution.inliers
+    information, dcm, kept = solution._body_information, solution.dcm, solution.inliers
+    place, marks = solution.position, solution._landmarks
     # Position from body to reference axes, and in units of the mean range.
     change = np.zeros((*place.shape[:-1], 6, 6))
     change[..., :3, :3] = dcm * _view(marks, place, kept)[1][..., np.newaxis, np.newaxis]
     change[..., 3:, 3:] = np.eye(3)
     with np.errstate(invalid="ignore", over="ignore"):
         scaled = np.swapaxes(change, -1, -2) @ information @ change
-    valid = np.isfinite(scaled).all(axis=(-2, -1))
-    squares, basis = np.linalg.eigh(np.where(valid[..., np.newaxis, np.newaxis], scaled, np.eye(6)))
-    values = np.where(valid[..., np.newaxis], np.sqrt(np.maximum(squares[..., ::-1], 0.0)), np.nan)
+    valid = np.array(np.isfinite(scaled).all(axis=(-2, -1), keepdims=True))
+    squares, basis = np.linalg.eigh(np.where(valid, scaled, np.eye(6)))
+    values = np.where(valid[..., 0], np.sqrt(np.maximum(squares[..., ::-1], 0.0)), np.nan)
     right = np.swapaxes(basis[..., ::-1], -1, -2)
-    pose = np.concatenate([place, np.array(solution.mrp)], axis=-1)
+    pose = np.concatenate([place, solution.mrp], axis=-1)
     return _assemble(marks, pose, values, right, kept, body_axes=True)
 
 
@@ -277,7 +276,8 @@ def _assemble(
     _, flat = broadcast(("pose", pose, 1), ("values", values, 1), ("vectors", right, 2))
     _, sets = broadcast(("landmarks", marks, 2), *([("pose", pose, 1)] if marks.ndim > 2 else []))
     flags = None if kept is None else np.array(kept, dtype=np.float64).reshape(-1, marks.shape[-2])
-    rank, code, numbers = (x.reshape(shape + x.shape[1:]) for x in _core.pose_geometry(sets[0], *flat, flags))
+    rank, code, numbers = _core.pose_geometry(sets[0], flat[0], flat[1], flat[2], flags)
+    rank, code, numbers = rank.reshape(shape), code.reshape(shape), numbers.reshape((*shape, 14))
     view, reach = _view(marks, pose[..., :3], kept)
     scale = np.repeat(np.stack([reach, np.ones(shape)], axis=-1), 3, axis=-1)
     count = np.broadcast_to(marks.shape[-2] if kept is None else kept.sum(axis=-1), shape)
