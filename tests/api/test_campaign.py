@@ -44,6 +44,12 @@ def fails_late(seeds):
     return draws(seeds)
 
 
+def dies_late(seeds):
+    if any(seed.spawn_key[0] >= 12 for seed in seeds):
+        os._exit(1)
+    return draws(seeds)
+
+
 def too_few_rows(seeds):
     return {"x": np.zeros(len(seeds) + 1)}
 
@@ -124,6 +130,13 @@ def test_exception_in_a_pool_keeps_what_has_finished(tmp_path):
     stored = {path.name for path in tmp_path.glob("block-*.npz")}
     assert stored <= {f"block-{start:08d}.npz" for start in (0, 4, 8)}
     assert stored
+
+
+def test_death_of_a_worker_keeps_what_has_finished(tmp_path, expected):
+    with worker_pool(1) as pool, pytest.raises(concurrent.futures.BrokenExecutor):
+        run_campaign(dies_late, RUNS, seed=SEED, block=BLOCK, out=tmp_path, executor=pool)
+    assert len(list(tmp_path.glob("block-*.npz"))) == 3
+    assert same(run_campaign(draws, RUNS, seed=SEED, block=BLOCK, out=tmp_path, resume=True), expected)
 
 
 def test_damaged_block_is_computed_again(tmp_path, expected):

@@ -154,6 +154,7 @@ def test_reproduce(capsys, tmp_path):
     assert "GLSDC" in text
     folder = tmp_path / "landmark-landing"
     stored = json.loads((folder / "claims.json").read_text())
+    assert "printed:" in (folder / "claims.txt").read_text()
     assert len(list(folder.glob("*.png"))) == 7
     assert main([*command, "--json", "--no-plot"]) == 0
     again = json.loads(capsys.readouterr().out)
@@ -209,6 +210,17 @@ def test_interrupt_keeps_the_finished_runs(tmp_path):
     assert "--resume" in message
     assert "Traceback" not in message
     assert list(tmp_path.glob("block-*.npz"))
+
+
+def test_death_of_a_worker_is_one_line(capsys, monkeypatch):
+    from concurrent.futures.process import BrokenProcessPool
+
+    def dies(*_arguments, **_options):
+        raise BrokenProcessPool
+
+    monkeypatch.setattr("losnav.scenarios.landmark_landing.run_campaign", dies)
+    assert main(["run", "landmark-landing", "--runs", "2"]) == 1
+    assert capsys.readouterr().err.count("\n") == 1
 
 
 def test_closed_pipe_is_no_error():

@@ -141,6 +141,30 @@ def test_report_for_a_person(capsys, tmp_path, landmarks_csv, los):
         assert word in text
 
 
+def test_report_names_what_does_not_fit(capsys, tmp_path, landmarks_csv, los):
+    turned = los.copy()
+    turned[4] = (turned[4] + [0.02, -0.01, 0]) / np.linalg.norm(turned[4] + [0.02, -0.01, 0])
+    observations = write(tmp_path / "o.csv", numbered(turned))
+    assert main(["solve-pose", landmarks_csv, observations, "--sigma", "1e-4"]) == 0
+    text = capsys.readouterr().out
+    assert "suspicious" in text
+    assert "do not trust the 1-sigma" in text
+    assert main(["solve-pose", landmarks_csv, observations, "--sigma", "1e-4", "--robust"]) == 0
+    text = capsys.readouterr().out
+    assert "rejected as wrong matches (1): L4" in text
+    assert "consistent with sigma" in text or "too large" in text
+
+
+def test_three_landmarks_have_other_poses(capsys, tmp_path):
+    triple = np.array([[0.0, 0, 0], [30, 0, 0], [8, 25, 0]])
+    landmarks = write(tmp_path / "l.csv", numbered(triple))
+    observations = write(tmp_path / "o.csv", numbered(predict_los(triple, [10.0, 6, -60], MRP)))
+    assert main(["solve-pose", landmarks, observations]) == 0
+    text = capsys.readouterr().out
+    assert "another pose fits comparably" in text
+    assert "unknown" in text
+
+
 def test_three_landmarks_cannot_be_checked(capsys, tmp_path, landmarks_csv, los):
     observations = write(tmp_path / "o.csv", numbered(los[:3]))
     report = solved(capsys, [landmarks_csv, observations, "--sigma", "1e-4"])

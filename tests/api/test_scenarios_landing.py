@@ -167,9 +167,17 @@ def test_nees_at_three_epochs_and_overall(landing, result):
 
 def test_focal_plane_noise_is_consistent_with_its_own_covariance():
     landing = scenarios.load("landmark-landing", noise="focal-plane", sampling=10.0, cold_times=(0.0,))
-    nees = landing.run(50, SEED).arrays["ml_nees"]
+    result = landing.run(50, SEED)
+    nees = result.arrays["ml_nees"]
     low, high = nees_bounds(6, nees.size, BAND)
     assert low <= nees.mean() <= high
+    # The bound, computed at the truth, is that covariance too.
+    error = result.arrays["ml_error"]
+    predicted = np.einsum("rti,tij,rtj->rt", error, np.linalg.inv(result.bound), error)
+    assert low <= predicted.mean() <= high
+    # Off axis a pixel is less angle: better than the tangent model at 23 to 33 degrees.
+    tangent = scenarios.load("landmark-landing").run(1).sigma[0]
+    assert np.all(result.sigma[0] < 0.95 * tangent)
 
 
 def test_bound_at_the_start_is_the_published_one(result):
@@ -212,6 +220,9 @@ def test_limited_camera(result):
 
 def test_a_camera_that_never_sees_enough_has_no_fix(result):
     assert np.isnan(result.limited(np.radians(10.0)).error).all()
+    blind = scenarios.load("landmark-landing", half_fov=0.1)
+    rows = LandingResult(blind, RUNS, SEED, result.arrays).camera_table().records()
+    assert rows[0]["rms at touchdown [m]"] is None
 
 
 def test_bits_do_not_depend_on_the_executor(landing, result):

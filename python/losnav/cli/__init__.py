@@ -11,6 +11,7 @@ import os
 import re
 import sys
 from collections.abc import Sequence
+from concurrent.futures import BrokenExecutor
 from typing import NoReturn
 
 from losnav.cli import bench, scenario_commands, solve_pose
@@ -18,7 +19,7 @@ from losnav.errors import LosnavError
 
 __all__ = ["main"]
 
-BAD_INPUT, INTERRUPTED = 2, 130
+NOT_DONE, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
 _NEGATIVE_LIST = re.compile(r"-\.?\d[^,]*,")
 
@@ -68,6 +69,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         # flush.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except BrokenExecutor:
+        print(
+            "losnav: a worker process died; with --out, finished runs are kept for --resume", file=sys.stderr
+        )
+        return NOT_DONE
     except (LosnavError, OSError) as error:
         print(f"losnav: error: {' '.join(str(error).split())}", file=sys.stderr)
         return BAD_INPUT

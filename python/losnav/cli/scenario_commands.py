@@ -164,6 +164,7 @@ def _reproduce(arguments: argparse.Namespace) -> int:
         reports.append(report)
         if arguments.out:
             (folder / "claims.json").write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+            (folder / "claims.txt").write_text(f"{claims}\n", encoding="utf-8")
         if not arguments.json:
             print(f"{name}, {arguments.runs} runs, seed {arguments.seed}\n")
             print(claims)

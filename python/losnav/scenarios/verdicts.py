@@ -36,8 +36,9 @@ class Table:
     rows: tuple[tuple[Any, ...], ...]
 
     def records(self) -> list[dict[str, Any]]:
-        """Rows as dictionaries, for JSON or a data frame."""
-        return [dict(zip(self.columns, row, strict=True)) for row in self.rows]
+        """Rows as dictionaries, for JSON or a data frame; None stands for a number that is not finite."""
+        rows = ([_finite(value) if isinstance(value, float) else value for value in row] for row in self.rows)
+        return [dict(zip(self.columns, row, strict=True)) for row in rows]
 
     def __str__(self) -> str:
         cells = [list(self.columns), *([_cell(value) for value in row] for row in self.rows)]

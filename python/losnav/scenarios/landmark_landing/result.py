@@ -28,16 +28,14 @@ _TABLE_STEP = 50.0  # s between the rows of the main table
 def bound(scenario: LandmarkLanding, descent: Descent) -> Array:
     """Cramér–Rao bound F⁻¹ of ``[δp, δα]`` along a descent, m and rad, (T, 6, 6)."""
     if scenario.noise == "tangent":
-        information = ln.fisher_information(
-            descent.landmarks, descent.position, descent.mrp, scenario.los_sigma
-        )
-        scale = 1 / np.sqrt(np.diagonal(information, axis1=-2, axis2=-1))
-        outer = scale[:, :, None] * scale[:, None, :]
-        return np.asarray(np.linalg.inv(information * outer) * outer)
-    covariance = focal_plane_covariance(descent.los, scenario.focal_length, scenario.focal_plane_sigma)
-    truth = np.concatenate([descent.position, descent.mrp], axis=-1)
-    solution = ln.solve_pose(descent.landmarks, descent.los, covariance=covariance, guess=truth)
-    return np.asarray(solution.covariance)
+        noise: dict[str, Any] = {"sigma": scenario.los_sigma}
+    else:
+        sigma = scenario.focal_plane_sigma
+        noise = {"covariance": focal_plane_covariance(descent.los, scenario.focal_length, sigma)}
+    information = ln.fisher_information(descent.landmarks, descent.position, descent.mrp, **noise)
+    scale = 1 / np.sqrt(np.diagonal(information, axis1=-2, axis2=-1))
+    outer = scale[:, :, None] * scale[:, None, :]
+    return np.asarray(np.linalg.inv(information * outer) * outer)
 
 
 @dataclass(frozen=True)
