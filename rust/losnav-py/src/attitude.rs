@@ -63,8 +63,9 @@ fn rotation(row: &[f64; 9]) -> Checked<Mat3<f64>> {
         }
     }
     let determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g);
-    if !(worst <= ROTATION_TOLERANCE) {
-        return Err(Broken::NotRotation(worst));
+    match worst {
+        small if small <= ROTATION_TOLERANCE => {}
+        large_or_nan => return Err(Broken::NotRotation(large_or_nan)),
     }
     if determinant > 0.0 { Ok(m) } else { Err(Broken::Reflection) }
 }

@@ -89,11 +89,18 @@ impl Observers<'_> {
     }
 }
 
+/// What a sensor says of every state.
+struct Rows {
+    count: usize,
+    predicted: Vec<f64>,
+    jacobian: Vec<f64>,
+}
+
 /// Predictions `(B, M)` and Jacobians `(B, M, 9)` of a sensor, or the first state where it is undefined.
 fn linearize<S: Parameters>(
     parameters: &[Parameter<'_>],
     observers: &Observers<'_>,
-) -> Result<(usize, Vec<f64>, Vec<f64>), (usize, ModelError)> {
+) -> Result<Rows, (usize, ModelError)> {
     let count = observers.positions.len();
     let mut rows = Count(0);
     S::show(parameters, 0, &mut rows);
@@ -112,7 +119,7 @@ fn linearize<S: Parameters>(
         let pairs = predicted.par_chunks_mut(size).zip(jacobian.par_chunks_mut(size * COLUMNS));
         pairs.with_min_len(16).enumerate().try_for_each(one)?;
     }
-    Ok((rows, predicted, jacobian))
+    Ok(Rows { count: rows, predicted, jacobian })
 }
 
 /// `(B, M)` predicted measurements and `(B, M, 9)` Jacobians, columns `[δp, δv, δα]`.
@@ -147,9 +154,9 @@ pub fn sensor_linearize<'py>(
         ($($listed:ident),* $(,)?) => {
             $(if name == <$listed<f64> as SensorModel<f64>>::NAME {
                 let answer = py.detach(|| linearize::<$listed<f64>>(&parameters, &observers));
-                let (rows, predicted, jacobian) = answer.map_err(|(k, error)| undefined(k, count, error))?;
-                let predicted = convert::array(py, &[count, rows], predicted)?;
-                return Ok((predicted, convert::array(py, &[count, rows, COLUMNS], jacobian)?));
+                let rows = answer.map_err(|(k, error)| undefined(k, count, error))?;
+                let predicted = convert::array(py, &[count, rows.count], rows.predicted)?;
+                return Ok((predicted, convert::array(py, &[count, rows.count, COLUMNS], rows.jacobian)?));
             })*
         };
     }

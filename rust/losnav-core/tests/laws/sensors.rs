@@ -1,0 +1,138 @@
+//! Laws of every sensor in the list.
+use losnav_core::error::ModelError;
+use losnav_core::estimators::loss::{Loss, Robust, RobustKind, Squared};
+use losnav_core::estimators::normal_equations::{NormalEquations, NormalEquationsSink};
+use losnav_core::math::real::Real;
+use losnav_core::models::kinematics::Kinematics;
+use losnav_core::models::linearization::{Linearization, Recorder, Row, Sink, Weight};
+use losnav_core::models::sensors::{Law, LineOfSight, SensorModel, Specimen};
+
+use crate::dual::First;
+use crate::scene::{moved, observer, truth};
+use crate::{SAME_FORMULA, assert_close, largest};
+
+/// Writes down the rows at one state.
+struct Record<T> {
+    x: Kinematics<T>,
+    rows: Vec<Row<T>>,
+}
+
+impl<T: Real> Law<T> for Record<T> {
+    fn examine(&mut self, sensor: &impl SensorModel<T>) {
+        self.rows = vec![Row::zero(); sensor.rows()];
+        let mut recorder = Recorder::new(&mut self.rows);
+        sensor.linearize(&self.x, &mut recorder).unwrap();
+        assert_eq!(recorder.offered(), sensor.rows(), "rows() says what linearize() does");
+    }
+}
+
+fn recorded<T: Real, S: Specimen<T>>(x: Kinematics<T>) -> Vec<Row<T>> {
+    let mut record = Record { x, rows: Vec::new() };
+    S::show(&truth(), &mut record);
+    assert!(!record.rows.is_empty());
+    record.rows
+}
+
+/// The Jacobian is the derivative of the prediction: `∂y/∂x = −H`, through the same source, by dual numbers.
+fn jacobian<F: Specimen<f64>, D: Specimen<First>>() {
+    let x = observer();
+    let rows = recorded::<f64, F>(x);
+    for column in 0..9 {
+        let mut delta = [First::splat(0.0); 9];
+        delta[column].slope = 1.0;
+        let slopes = recorded::<First, D>(moved(&x, delta));
+        let entry = |row: &Row<f64>| [row.d_position, row.d_velocity, row.d_attitude].concat()[column];
+        let scale = largest(rows.iter().map(entry));
+        for (row, slope) in rows.iter().zip(&slopes) {
+            assert_close(row.innovation, slope.innovation.value, 1.0, SAME_FORMULA);
+            assert_close(entry(row), -slope.innovation.slope, scale, SAME_FORMULA);
+        }
+    }
+}
+
+/// Forgets the structure of what it is given.
+struct Plain<'a, L>(NormalEquationsSink<'a, f64, L>);
+
+impl<L: Loss> Sink<f64> for Plain<'_, L> {
+    fn add<const M: usize>(&mut self, rows: &Linearization<f64, M>) {
+        self.0.add(rows);
+    }
+}
+
+/// Accumulates with and without the structure, and as the definition says.
+struct Accumulate<L> {
+    loss: L,
+    x: Kinematics<f64>,
+    sums: Option<[NormalEquations<f64>; 2]>,
+}
+
+impl<L: Loss> Law<f64> for Accumulate<L> {
+    fn examine(&mut self, sensor: &impl SensorModel<f64>) {
+        let mut structured = NormalEquationsSink::new(&self.x.dcm, self.loss);
+        let mut plain = Plain(structured);
+        sensor.linearize(&self.x, &mut structured).unwrap();
+        sensor.linearize(&self.x, &mut plain).unwrap();
+        self.sums = Some([structured.finish(), plain.0.finish()]);
+    }
+}
+
+/// A block accumulated from its structure is the block accumulated from its expanded rows.
+fn structure<S: Specimen<f64>>(loss: impl Loss) {
+    let mut law = Accumulate { loss, x: observer(), sums: None };
+    S::show(&truth(), &mut law);
+    let [a, b] = law.sums.unwrap();
+    assert_close(a.cost, b.cost, a.cost, SAME_FORMULA);
+    for i in 0..6 {
+        assert_close(a.gradient[i], b.gradient[i], largest(a.gradient), SAME_FORMULA);
+        for j in i..6 {
+            let scale = (a.hessian.at(i, i) * a.hessian.at(j, j)).sqrt();
+            assert_close(a.hessian.at(i, j), b.hessian.at(i, j), scale, SAME_FORMULA);
+        }
+    }
+}
+
+macro_rules! every_sensor {
+    ($($sensor:ident),* $(,)?) => {
+        #[test]
+        fn jacobians_are_derivatives() {
+            $(jacobian::<$sensor<f64>, $sensor<First>>();)*
+        }
+
+        #[test]
+        fn structure_changes_nothing() {
+            $(
+                structure::<$sensor<f64>>(Squared);
+                for kind in [RobustKind::Huber, RobustKind::Cauchy, RobustKind::Tukey, RobustKind::GemanMcClure] {
+                    structure::<$sensor<f64>>(Robust { kind, scale: 3.0 });
+                }
+            )*
+        }
+
+        #[test]
+        fn names_are_those_of_the_list() {
+            $(assert_eq!(<$sensor<f64> as SensorModel<f64>>::NAME, stringify!($sensor));)*
+        }
+    };
+}
+
+losnav_core::sensors! { every_sensor }
+
+#[test]
+fn an_observer_on_a_landmark_is_an_error() {
+    let landmarks = [[1.0, 0.0, 0.0], [0.0, 2.0, 0.0]];
+    let sensor = LineOfSight { landmarks: &landmarks, los: &[[0.0; 3]; 2], weights: &[Weight::Scalar(1.0)] };
+    let x = Kinematics { position: landmarks[1], ..observer() };
+    let mut rows = [Row::zero(); 6];
+    assert_eq!(sensor.linearize(&x, &mut Recorder::new(&mut rows)), Err(ModelError::ZeroRange { index: 1 }));
+}
+
+#[test]
+fn a_recorder_without_room_counts_and_drops() {
+    let landmarks = [[1.0, 0.0, 0.0], [0.0, 2.0, 0.0]];
+    let sensor = LineOfSight { landmarks: &landmarks, los: &[[0.0; 3]; 2], weights: &[Weight::Scalar(1.0)] };
+    let mut rows = [Row::zero(); 4];
+    let mut recorder = Recorder::new(&mut rows);
+    sensor.linearize(&observer(), &mut recorder).unwrap();
+    assert_eq!(recorder.offered(), 6);
+    assert_ne!(rows[3], Row::zero());
+}
