@@ -2,7 +2,7 @@
 //!
 //! 1. Drop what is not finite.
 //! 2. Sort by cost; between equal costs a converged minimum comes first.
-//! 3. Merge poses closer than [`SAME`].
+//! 3. Merge poses closer than `SAME`.
 //! 4. Keep the best, and of the rest the converged ones whose cost is comparable.
 use crate::estimators::least_squares::{Outcome, rounding_floor};
 use crate::math::vec3::{dot, sub};

@@ -1,7 +1,7 @@
 //! Centroid, size and principal axes of a cloud of landmarks: the frame in which the minimal solvers work.
 //!
 //! 1. centroid and scatter matrix of the landmarks;
-//! 2. its eigenvectors by cyclic Jacobi rotations (at most [`SWEEPS`] sweeps);
+//! 2. its eigenvectors by cyclic Jacobi rotations (at most `SWEEPS` sweeps);
 //! 3. extents recomputed along the axes, which resolves thin clouds to rounding instead of to its square root.
 
 use nalgebra::{Matrix3, Vector3};
