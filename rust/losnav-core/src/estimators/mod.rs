@@ -5,3 +5,4 @@ pub mod minimal;
 pub mod normal_equations;
 pub mod pose;
 pub mod ranking;
+pub mod robust;
