@@ -65,6 +65,7 @@ fn report(name: &str, t: &Tally) {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "long: cargo test --release")]
 fn whole_sphere() {
     // Observer among the landmarks: lines of sight in all directions.
     let t = run(1, 100_000, |rng| {
@@ -75,6 +76,7 @@ fn whole_sphere() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "long: cargo test --release")]
 fn narrow_cones() {
     let t = run(2, 100_000, |rng| {
         let x = [rng.vector(), rng.vector(), rng.vector()];
@@ -85,6 +87,7 @@ fn narrow_cones() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "long: cargo test --release")]
 fn far_origin_and_units() {
     let t = run(3, 20_000, |rng| {
         let scale = 10f64.powf(rng.between(-6.0, 6.0));
@@ -96,6 +99,7 @@ fn far_origin_and_units() {
 }
 
 #[test]
+#[cfg_attr(debug_assertions, ignore = "long: cargo test --release")]
 fn speed() {
     let mut rng = Rng(4);
     let problems: Vec<_> = (0..1000)

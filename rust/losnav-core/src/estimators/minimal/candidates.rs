@@ -25,6 +25,10 @@ const SAME: f64 = 0.1;
 const SAME_EXACT: f64 = 1e-6;
 /// Starts dearer than this many times the cheapest cannot win: in 10^5 random scenes no winner was dearer than 10 times.
 const PRUNE: f64 = 100.0;
+/// Starts below this `chi^2` stay too: polished they may come within noise of the best, and are its alternatives.
+const COMPARABLE: f64 = 200.0;
+/// Mean `w |b - h|^2` below which the weights are not inverse variances.
+const UNSCALED: f64 = 1e-6;
 /// Angle (rad) below which a start counts as exact, whatever the cheapest costs: the accuracy of a nearly double root of P3P.
 const EXACT: f64 = 1e-6;
 /// Starts of the object-space search, cheapest of the grid: 2 are enough in 10^5 random scenes.
@@ -53,7 +57,7 @@ pub fn candidates(
     }
     let problem = Problem { landmarks, los, weight, scatter };
     let total: f64 = problem.observations().map(|o| o.2).sum();
-    let mut found = Ranked::new(EXACT * EXACT * total);
+    let mut found = Ranked::new(EXACT * EXACT * total, scatter.count);
     problem.try_triples(&mut found);
     if scatter.count > 3 {
         problem.try_object_space(&mut found);
@@ -213,12 +217,14 @@ struct Ranked {
     len: usize,
     /// Cost below which a pose counts as exact.
     exact: f64,
+    /// Number of observations.
+    count: f64,
 }
 
 impl Ranked {
-    fn new(exact: f64) -> Self {
+    fn new(exact: f64, count: usize) -> Self {
         let none = Start { cost: f64::INFINITY, mirrored: true, pose: Pose::ORIGIN };
-        Self { items: [none; MAX_CANDIDATES], len: 0, exact }
+        Self { items: [none; MAX_CANDIDATES], len: 0, exact, count: count as f64 }
     }
 
     fn insert(&mut self, new: Start, range: f64) {
@@ -270,7 +276,10 @@ impl Ranked {
         let all_mirrored = held.clone().all(|s| s.mirrored);
         let eligible = held.filter(|s| s.mirrored == all_mirrored);
         let cheapest = eligible.clone().map(|s| s.cost).fold(f64::INFINITY, f64::min);
-        let worth = (PRUNE * cheapest).max(self.exact);
+        // An exact fit says nothing about the noise; one far below it says that the weights are not its inverse variances.
+        let scaled = cheapest <= self.exact || cheapest > UNSCALED * self.count;
+        let comparable = if scaled { COMPARABLE } else { 0.0 };
+        let worth = (PRUNE * cheapest).max(self.exact).max(comparable);
         let mut out = Poses::new();
         for start in eligible.filter(|s| s.cost <= worth) {
             out.push(start.pose);
