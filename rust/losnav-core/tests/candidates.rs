@@ -360,11 +360,7 @@ fn alternatives() {
 
 /// Scenes of a family: the environment's SCENES.
 fn size(default: usize) -> usize {
-    std::env::var("SCENES").ok().and_then(|v| v.parse().ok()).unwrap_or(if cfg!(debug_assertions) {
-        default / 20
-    } else {
-        default
-    })
+    std::env::var("SCENES").ok().and_then(|v| v.parse().ok()).unwrap_or(default)
 }
 
 #[test]

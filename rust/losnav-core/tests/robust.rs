@@ -146,11 +146,7 @@ fn campaign(
 
 /// Runs of a campaign: the environment's SCENES.
 fn size() -> usize {
-    std::env::var("SCENES").ok().and_then(|v| v.parse().ok()).unwrap_or(if cfg!(debug_assertions) {
-        50
-    } else {
-        500
-    })
+    std::env::var("SCENES").ok().and_then(|v| v.parse().ok()).unwrap_or(500)
 }
 
 /// Success in at least `percent`, no pose missed that fits better than the answer (one of 500 is let through), and the survivors' NEES in
