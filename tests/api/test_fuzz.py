@@ -11,6 +11,8 @@ from hypothesis.extra import numpy as hnp
 from losnav import LosnavError
 from tests.api.calls import CALLS, numbers
 
+# Sixteen calls, two tests: sixty each by default, a deep profile's own number otherwise.
+EXAMPLES = 60 if settings().max_examples <= 100 else settings().max_examples
 EXTREMES = st.sampled_from(
     [
         0.0,
@@ -87,7 +89,7 @@ def assert_answered(call, changes):
 
 
 @pytest.mark.parametrize("name", CALLS)
-@settings(max_examples=60)
+@settings(max_examples=EXAMPLES)
 @given(data=st.data())
 def test_any_arrays(name, data):
     call = CALLS[name]
@@ -96,7 +98,7 @@ def test_any_arrays(name, data):
 
 
 @pytest.mark.parametrize("name", CALLS)
-@settings(max_examples=60)
+@settings(max_examples=EXAMPLES)
 @given(data=st.data())
 def test_spoiled_arguments(name, data):
     """Near misses reach deeper than noise."""
