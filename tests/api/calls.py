@@ -18,6 +18,12 @@ QUATERNION = attitude.quaternion_from_mrp(MRP)
 LOS = los.predict_los(LANDMARKS, POSITION, MRP)
 SIGMA = np.array([1.0, 2, 1, 3, 1, 2]) * 2.0**-14
 COVARIANCE = SIGMA[:, None, None] ** 2 * (np.eye(3) + 0.25 * np.ones((3, 3)))
+STATE = np.array([120.0, -3, 45, 0.125, -0.25, 0.5])
+CONTROL = np.array([0.0078125, 0, -0.015625])
+RANGES = np.linalg.norm(LANDMARKS - POSITION, axis=1)
+MAP = np.broadcast_to(np.diag([0.25, 1, 4]), COVARIANCE.shape).copy()
+ORBIT = ln.dynamics.ClohessyWiltshire(2.0**-10, 2.0**-20)
+SENSOR = ln.sensors.LineOfSight(LANDMARKS, 2.0**-12)
 GUESS = np.concatenate([POSITION + np.array([1, -1, 2]), MRP + 0.015625])
 
 
@@ -52,6 +58,19 @@ CALLS = {
     "pose_observability": Call(
         getattr(ln, "pose_observability", None), {"landmarks": LANDMARKS, "position": POSITION}, {}
     ),
+    "noise.isotropic": Call(ln.noise.isotropic, {"sigma": SIGMA}, {}),
+    "noise.tangent": Call(ln.noise.tangent, {"los": LOS, "sigma": SIGMA}, {}),
+    "noise.focal_plane": Call(ln.noise.focal_plane, {"los": LOS, "sigma_focal": SIGMA}, {}),
+    "noise.landmark_uncertainty": Call(
+        ln.noise.landmark_uncertainty,
+        {"los_body": LOS, "ranges": RANGES, "dcm": DCM, "landmark_covariance": MAP},
+        {},
+    ),
+    "ClohessyWiltshire.propagate": Call(ORBIT.propagate, {"state": STATE, "control": CONTROL}, {"dt": 60.0}),
+    "ClohessyWiltshire.transition": Call(ORBIT.transition, {"state": STATE}, {"dt": 60.0}),
+    "ClohessyWiltshire.process_noise": Call(ORBIT.process_noise, {"state": STATE}, {"dt": 60.0}),
+    "LineOfSight.predict": Call(SENSOR.predict, {"state": STATE, "dcm": DCM}, {}),
+    "LineOfSight.jacobian": Call(SENSOR.jacobian, {"state": STATE, "dcm": DCM}, {}),
     "solve_pose": Call(
         ln.solve_pose, {"landmarks": LANDMARKS, "los": LOS, "sigma": SIGMA, "guess": GUESS}, {}
     ),

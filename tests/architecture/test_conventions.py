@@ -49,15 +49,18 @@ TESTED = {
         "tests/api/test_bad_input.py::test_covariances_must_be_covariances",
         "tests/api/test_objects.py::test_covariance_is_symmetric_positive_definite",
     ],
+    "lvlh": [
+        "tests/parity/test_dynamics.py::test_transition_and_response",
+        "tests/parity/test_dynamics.py::test_the_printed_sign_of_entry_1_6_is_wrong",
+    ],
     "random numbers": ["tests/statistics/test_robust.py::test_the_seed_decides"],
 }
 
 # Subject -> public names that would bring it into the library.
 NOT_YET = {
-    "camera": {"sensors"},
+    "camera": {"LandmarkCamera"},
     "innovation": {"ExtendedKalmanFilter", "PredictiveFilter"},
-    "lvlh": {"dynamics"},
-    "constants": {"constants", "dynamics"},
+    "constants": {"constants", "TwoBody"},
 }
 
 
@@ -76,13 +79,14 @@ def matching(subject, table):
 @pytest.mark.skipif(not PAGE.exists(), reason="docs/conventions.md is not written yet")
 def test_every_line_is_accounted_for():
     found = subjects()
+    public = {*losnav.__all__, *losnav.dynamics.__all__, *losnav.sensors.__all__}
     assert len(found) >= 10
     for subject in found:
         if matching(subject, TESTED):
             continue
         later = matching(subject, NOT_YET)
         assert later, f"no test is named for the convention '{subject}'"
-        assert not NOT_YET[later] & set(losnav.__all__), f"'{subject}' is in the library: name its test"
+        assert not NOT_YET[later] & public, f"'{subject}' is in the library: name its test"
 
 
 @pytest.mark.parametrize("node", sorted({node for nodes in TESTED.values() for node in nodes}))
