@@ -179,8 +179,10 @@ def test_not_converged_is_exit_code_one(capsys, tmp_path):
     line = np.array([[0.0, 0, 0], [10, 0, 0], [25, 0, 0], [40, 0, 0]])
     landmarks = write(tmp_path / "l.csv", numbered(line))
     observations = write(tmp_path / "o.csv", numbered(predict_los(line, [3.0, -5, -120], MRP)))
-    report = solved(capsys, [landmarks, observations, "--sigma", "1e-4"], code=1)
-    assert report["converged"] is False
+    for guess in ([], ["--guess=3,-5,-119,0.05,-0.04,0.3"]):
+        report = solved(capsys, [landmarks, observations, "--sigma", "1e-4", *guess], code=1)
+        assert report["converged"] is False
+        assert report["geometry"]["diagnosis"] == "collinear landmarks"
     assert main(["solve-pose", landmarks, observations]) == 1
     assert "NOT CONVERGED" in capsys.readouterr().out
 

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from losnav import predict_los, scenarios, solve_pose
+from losnav import pose_observability, predict_los, scenarios, solve_pose
 from losnav.campaign import worker_pool
 from losnav.consistency import nees_bounds
 from losnav.errors import InvalidInputError, LosnavError
@@ -260,6 +260,14 @@ def test_cylinder_distance_is_zero_on_the_landmarks_and_minus_radius_on_the_axis
     triple = np.array([[1.0, 0, 2], [0, 1, 2], [-1, 0, 2]])
     np.testing.assert_allclose(cylinder_distance(triple, triple), 0, atol=1e-15)
     assert cylinder_distance(triple, np.array([0.0, 0, 9])) == pytest.approx(-1)
+
+
+def test_cylinder_distance_is_the_librarys(landing):
+    descent = landing.descent
+    expected = pose_observability(descent.landmarks[:3], descent.position).danger_cylinder_distance
+    np.testing.assert_allclose(
+        np.abs(cylinder_distance(descent.landmarks[:3], descent.position)), expected, atol=1e-9
+    )
 
 
 def test_twin_poses_disprove_uniqueness():

@@ -22,16 +22,19 @@ _DOUBT = 1e-3
 # Chance that a fit of right measurements names any of them suspicious.
 _FALSE_ALARM = 1e-3
 _LISTED = 12
+_FULL_RANK = 6
 
 
 def report_json(problem: Problem, solution: ln.PoseSolution, inliers: NDArray[np.bool_]) -> dict[str, Any]:
-    """The report as a dictionary that JSON can hold: SI units, radians, and degrees where the name says
-    so."""
+    """The report as a dictionary that JSON can hold.
+
+    SI units and radians, but for names that say degrees.
+    """
     covariance, scale = _covariance(problem, solution)
     sigma = np.sqrt(np.diag(covariance))
-    suspicious = _suspicious(problem, solution, inliers)
+    geometry = _geometry(problem, solution, inliers)
     return {
-        "converged": bool(solution.converged),
+        "converged": bool(solution.converged) and geometry["rank"] == _FULL_RANK,
         "termination": ln.Termination(int(solution.termination)).name.lower().replace("_", "-"),
         "iterations": int(solution.iterations),
         "position_m": _list(solution.position),
@@ -49,7 +52,8 @@ def report_json(problem: Problem, solution: ln.PoseSolution, inliers: NDArray[np
         "observations": len(problem.ids),
         "unobserved_landmarks": problem.unobserved,
         "rejected": [k for k, kept in zip(problem.ids, inliers, strict=True) if not kept],
-        "suspicious": suspicious,
+        "suspicious": _suspicious(problem, solution, inliers),
+        "geometry": geometry,
         "weakest": _weakest(problem, covariance),
         "alternatives": [
             {
@@ -62,19 +66,15 @@ def report_json(problem: Problem, solution: ln.PoseSolution, inliers: NDArray[np
     }
 
 
-def report_text(problem: Problem, solution: ln.PoseSolution, inliers: NDArray[np.bool_]) -> str:
-    """The report for a person."""
-    facts = report_json(problem, solution, inliers)
+def report_text(facts: dict[str, Any]) -> str:
+    """The report of :func:`report_json` for a person."""
     lines = []
     if not facts["converged"]:
-        lines.append(
-            f"NOT CONVERGED ({facts['termination']} after {facts['iterations']} iterations); do not use "
-            "this pose"
-        )
-    used = int(np.count_nonzero(inliers))
-    lines.append(
-        f"pose from {used} of {len(problem.ids)} observations (camera axes: x right, y down, z forward)"
-    )
+        why = f"{facts['termination']} after {facts['iterations']} iterations"
+        lines.append(f"NOT CONVERGED ({why}); do not use this pose")
+    used = facts["observations"] - len(facts["rejected"])
+    axes = "camera axes: x right, y down, z forward"
+    lines.append(f"pose from {used} of {facts['observations']} observations ({axes})")
     for name, value, sigma in zip("xyz", facts["position_m"], facts["sigma_position_m"], strict=True):
         lines.append(f"  {name}          {_number(value):>16} m     1-sigma {_number(sigma, '.3g')} m")
     quaternion = ", ".join(_number(v, ".9f") for v in facts["quaternion_xyzw"])
@@ -88,6 +88,10 @@ def report_text(problem: Problem, solution: ln.PoseSolution, inliers: NDArray[np
     if facts["suspicious"]:
         found = [f"{entry['id']} ({entry['sigmas']:.1f} sigma)" for entry in facts["suspicious"]]
         lines.append(f"suspicious ({len(found)}): {_names(found)}")
+    geometry = facts["geometry"]
+    lines.append(f"geometry: rank {geometry['rank']} of 6, {geometry['explanation']}")
+    if geometry["danger_cylinder_distance_m"] is not None and used == 3:
+        lines[-1] += f"; danger cylinder {geometry['danger_cylinder_distance_m']:.3g} m away"
     lines.append(f"weakest: {facts['weakest']}")
     for other in facts["alternatives"]:
         place = ", ".join(_number(v) for v in other["position_m"])
@@ -95,6 +99,23 @@ def report_text(problem: Problem, solution: ln.PoseSolution, inliers: NDArray[np
             f"another pose fits comparably: position ({place}) m, chi2 {_number(other['chi2'], '.4g')}"
         )
     return "\n".join(lines)
+
+
+def _geometry(problem: Problem, solution: ln.PoseSolution, inliers: NDArray[np.bool_]) -> dict[str, Any]:
+    """What the places of camera and landmarks allow to be known."""
+    marks, camera = problem.landmarks[inliers], np.asarray(solution.position)
+    if not np.isfinite(camera).all():
+        # No pose to judge; what is lost from a place in general position is lost everywhere.
+        spread = np.ptp(problem.landmarks, axis=0).max()
+        camera = marks.mean(axis=0) + spread * np.array([0.9, 1.3, 2.1])
+    seen = ln.pose_observability(marks, camera)
+    return {
+        "rank": int(seen.rank),
+        "degree": _finite(seen.degree),
+        "diagnosis": str(seen.diagnosis),
+        "explanation": seen.explanation,
+        "danger_cylinder_distance_m": _finite(seen.danger_cylinder_distance),
+    }
 
 
 def _covariance(problem: Problem, solution: ln.PoseSolution) -> tuple[Array, float | None]:

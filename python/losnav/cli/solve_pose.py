@@ -128,11 +128,9 @@ def _positive(text: str) -> float:
 def _solve(arguments: argparse.Namespace) -> int:
     problem = _problem(arguments)
     solution, inliers = _solution(problem, arguments)
-    if arguments.json:
-        print(json.dumps(report_json(problem, solution, inliers), indent=1))
-    else:
-        print(report_text(problem, solution, inliers))
-    return 0 if bool(solution.converged) else NOT_CONVERGED
+    report = report_json(problem, solution, inliers)
+    print(json.dumps(report, indent=1) if arguments.json else report_text(report))
+    return 0 if report["converged"] else NOT_CONVERGED
 
 
 def _problem(arguments: argparse.Namespace) -> Problem:
