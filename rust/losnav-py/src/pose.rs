@@ -3,11 +3,14 @@ use losnav_core::estimators::least_squares::{
     Method, Options, Outcome, Parametrization, PoseState, Termination,
 };
 use losnav_core::estimators::loss::{Loss, Robust, RobustKind, Squared};
+use losnav_core::estimators::minimal::planar::turned_over;
 use losnav_core::estimators::minimal::{Pose, candidates};
 use losnav_core::estimators::pose::LosObjective;
 use losnav_core::estimators::ranking::rank;
 use losnav_core::math::rotation::quaternion_from_dcm;
+use losnav_core::math::so3::dcm_from_quaternion;
 use losnav_core::models::sensors::LineOfSight;
+use nalgebra::{Matrix3, Vector3};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
@@ -196,18 +199,39 @@ fn solve_with<L: Loss>(loss: L, problem: &Problem<'_>, settings: &Settings) -> S
     Solved { best, others: Vec::new() }
 }
 
-/// Polishes every candidate of the minimal solvers and reports the minima of comparable cost.
+/// Polishes every candidate of the minimal solvers, then what a planar scene turned over makes of the minima found,
+/// and reports those of comparable cost.
 fn solve_guess_free<L: Loss>(loss: L, problem: &Problem<'_>, settings: &Settings) -> Solved {
     let weight = |index: usize| problem.scalar_weight(index);
+    let dof = degrees_of_freedom(problem.los.len());
+    let total = (0..problem.los.len()).map(weight).sum();
+    let options = &settings.options;
     let found = candidates(problem.landmarks, problem.los, weight);
     let starts: Vec<PoseState<f64>> = found.iter().map(start_from).collect();
-    if starts.is_empty() {
-        return Solved { best: Record::undetermined(problem.los.len()), others: Vec::new() };
-    }
+    let mut outcomes = polish(loss, problem, options, &starts);
+    let kept = rank(&mut outcomes, total, dof);
+    outcomes.truncate(kept.max(1));
+    let turned = outcomes.iter().filter_map(|outcome| turned_over(problem.landmarks, &pose_of(outcome)));
+    let starts: Vec<PoseState<f64>> = turned.map(|pose| start_from(&pose)).collect();
+    outcomes.extend(polish(loss, problem, options, &starts));
+    let kept = rank(&mut outcomes, total, dof);
+    let mut records = outcomes.iter().take(kept.max(1)).map(|outcome| record(loss, problem, outcome));
+    let best = records.next().unwrap_or_else(|| Record::undetermined(problem.los.len()));
+    Solved { best, others: records.collect() }
+}
+
+fn polish<L: Loss>(
+    loss: L,
+    problem: &Problem<'_>,
+    options: &Options,
+    starts: &[PoseState<f64>],
+) -> Vec<Outcome<f64>> {
     let mut outcomes = vec![Outcome::undefined(); starts.len()];
-    let options = &settings.options;
+    if starts.is_empty() {
+        return outcomes;
+    }
     if problem.los.len() <= LANE_LANDMARKS {
-        dispatch::wide(ManyStarts { problem, loss, options, starts: &starts, out: &mut outcomes });
+        dispatch::wide(ManyStarts { problem, loss, options, starts, out: &mut outcomes });
     } else {
         let mut slots = outcomes.iter_mut();
         let take = |outcome| {
@@ -215,7 +239,7 @@ fn solve_guess_free<L: Loss>(loss: L, problem: &Problem<'_>, settings: &Settings
                 *slot = outcome;
             }
         };
-        dispatch::wide(OnePose { problem, loss, options, starts: &starts, take });
+        dispatch::wide(OnePose { problem, loss, options, starts, take });
     }
     // A start in a long bent valley may need more: it goes on from where it stopped, the others are done.
     for outcome in &mut outcomes {
@@ -223,11 +247,7 @@ fn solve_guess_free<L: Loss>(loss: L, problem: &Problem<'_>, settings: &Settings
             *outcome = go_on(loss, problem, options, outcome);
         }
     }
-    let total = (0..problem.los.len()).map(weight).sum();
-    let kept = rank(&mut outcomes, total, degrees_of_freedom(problem.los.len()));
-    let mut records = outcomes.iter().take(kept.max(1)).map(|outcome| record(loss, problem, outcome));
-    let best = records.next().unwrap_or_else(Record::invalid);
-    Solved { best, others: records.collect() }
+    outcomes
 }
 
 fn go_on<L: Loss>(loss: L, problem: &Problem<'_>, options: &Options, stopped: &Outcome<f64>) -> Outcome<f64> {
@@ -239,6 +259,11 @@ fn go_on<L: Loss>(loss: L, problem: &Problem<'_>, options: &Options, stopped: &O
     dispatch::narrow(OnePose { problem, loss, options: &options, starts: &starts, take });
     end.iterations += stopped.iterations;
     end
+}
+
+fn pose_of(outcome: &Outcome<f64>) -> Pose {
+    let m = dcm_from_quaternion(outcome.pose.attitude);
+    Pose { position: Vector3::from(outcome.pose.position), dcm: Matrix3::from_fn(|i, j| m[i][j]) }
 }
 
 fn start_from(pose: &Pose) -> PoseState<f64> {

@@ -13,10 +13,13 @@
 
 use nalgebra::{Matrix2, Matrix3, Matrix4, Matrix4x2, Vector3, Vector4};
 
+use super::scatter::Scatter;
 use super::sqpnp::{ObjectSpace, frame_about, half_turn};
-use super::sqrt;
+use super::{Pose, sqrt};
 
 const INVERSE_ITERATIONS: usize = 4;
+/// Thickness over width up to which landmarks count as a plane that can be turned over: a few degrees of relief still leave two minima.
+const FLAT: f64 = 0.05;
 
 /// Attitudes of the local frame: the homography's, and the two of its affine part at the centroid.
 pub fn planar(cost: &ObjectSpace) -> Option<[Matrix3<f64>; 3]> {
@@ -34,6 +37,23 @@ pub fn planar(cost: &ObjectSpace) -> Option<[Matrix3<f64>; 3]> {
 #[inline]
 pub fn flipped(dcm: &Matrix3<f64>, normal: &Vector3<f64>, axis: &Vector3<f64>) -> Matrix3<f64> {
     half_turn(axis) * dcm * half_turn(normal)
+}
+
+/// The other pose that nearly explains what `pose` explains, if the landmarks are coplanar: turned over about the line of sight of
+/// their centroid, which stays where it is seen (Schweighofer & Pinz, "Robust pose estimation from a planar target", PAMI 2006).
+pub fn turned_over(landmarks: &[[f64; 3]], pose: &Pose) -> Option<Pose> {
+    let scatter = Scatter::new(landmarks.iter())?;
+    if landmarks.len() < 4 || scatter.is_collinear() || scatter.flatness() > FLAT {
+        return None;
+    }
+    let normal = scatter.axes.column(2).into_owned();
+    let t = pose.dcm * (scatter.centroid - pose.position);
+    let range = t.norm();
+    if !(range > 0.0) {
+        return None;
+    }
+    let dcm = flipped(&pose.dcm, &normal, &(t / range));
+    Some(Pose { position: scatter.centroid - dcm.transpose() * t, dcm })
 }
 
 /// Columns `h_1, h_2` that minimise the in-plane form over transverse parts of unit length.
