@@ -55,32 +55,31 @@ def _estimation(result: LandingResult) -> list[Claim]:
     share = binomial_interval(right[0], result.runs, CONFIDENCE)
     return [
         Claim(
-            "1a",
-            "GLSDC and LM estimate position and attitude",
-            "-",
-            f"NEES {value:.3f} [{interval[0]:.3f}, {interval[1]:.3f}] ({BAND:.1%}); {text}",
-            value,
-            interval,
-            BAND,
-            "holds" if inside else "does not",
-            "The mean NEES of a right estimate with a right covariance is 6; the band of one epoch is "
+            number="1a",
+            statement="GLSDC and LM estimate position and attitude",
+            printed="-",
+            ours=f"NEES {value:.3f} [{interval[0]:.3f}, {interval[1]:.3f}] ({BAND:.1%}); {text}",
+            value=value,
+            interval=interval,
+            confidence=BAND,
+            verdict="holds" if inside else "does not",
+            why="The mean NEES of a right estimate with a right covariance is 6; the band of one epoch is "
             f"[{low:.2f}, {high:.2f}].",
-            "holds",
+            established="holds",
         ),
         Claim(
-            "1b",
-            "With the printed stop test, GLSDC always ends at the right pose from the first guess",
-            "-",
-            f"{percent(right[0] / result.runs, share)} of first fixes right (LM "
+            number="1b",
+            statement="With the printed stop test, GLSDC always ends at the right pose from the first guess",
+            printed="-",
+            ours=f"{percent(right[0] / result.runs, share)} of first fixes right (LM "
             f"{right[1] / result.runs:.1%})",
-            right[0] / result.runs,
-            share,
-            CONFIDENCE,
-            judge(share, above=0.99),
-            "A relative change of the cost below 0.1 says nothing about the cost itself: some runs stop in "
-            "the curved valley "
-            "between lateral position and tilt. Asked: at least 99 %.",
-            "does not",
+            value=right[0] / result.runs,
+            interval=share,
+            confidence=CONFIDENCE,
+            verdict=judge(share, above=0.99),
+            why="A relative change of the cost below 0.1 says nothing about the cost itself: some runs "
+            "stop in the curved valley between lateral position and tilt. Asked: at least 99 %.",
+            established="does not",
         ),
     ]
 
@@ -94,17 +93,17 @@ def _first_accuracy(result: LandingResult) -> list[Claim]:
         value, interval = deviation(error[:, 0, worst] * unit[1])
         claims.append(
             Claim(
-                f"2{letter}",
-                f"The 1-sigma error of {name} is within {limit:g} {unit[0]} from the first image",
-                f"{limit:g} {unit[0]}",
-                f"{value:.3f} [{interval[0]:.3f}, {interval[1]:.3f}] {unit[0]} (bound "
+                number=f"2{letter}",
+                statement=f"The 1-sigma error of {name} is within {limit:g} {unit[0]} from the first image",
+                printed=f"{limit:g} {unit[0]}",
+                ours=f"{value:.3f} [{interval[0]:.3f}, {interval[1]:.3f}] {unit[0]} (bound "
                 f"{result.sigma[0, worst] * unit[1]:.3f})",
-                value,
-                interval,
-                CONFIDENCE,
-                judge(interval, below=limit),
-                "Standard deviation of the worst axis at t = 0 over the runs.",
-                established,
+                value=value,
+                interval=interval,
+                confidence=CONFIDENCE,
+                verdict=judge(interval, below=limit),
+                why="Standard deviation of the worst axis at t = 0 over the runs.",
+                established=established,
             )
         )
     claims.append(_reached(result, "2c", (1.0, 0.2)))
@@ -115,17 +114,17 @@ def _first_accuracy(result: LandingResult) -> list[Claim]:
     share = percent(inside / result.runs, binomial_interval(inside, result.runs, CONFIDENCE))
     claims.append(
         Claim(
-            "2d",
-            "Errors stay within 1 m and 0.2 deg through the whole descent",
-            "1 m, 0.2 deg",
-            f"median largest error {value:.2f} [{interval[0]:.2f}, {interval[1]:.2f}] m, "
+            number="2d",
+            statement="Errors stay within 1 m and 0.2 deg through the whole descent",
+            printed="1 m, 0.2 deg",
+            ours=f"median largest error {value:.2f} [{interval[0]:.2f}, {interval[1]:.2f}] m, "
             f"{np.median(attitude):.2f} deg",
-            value,
-            interval,
-            CONFIDENCE,
-            judge(interval, below=1.0),
-            f"Largest error of any axis at any epoch of a run; {share} of the runs stay inside.",
-            "does not",
+            value=value,
+            interval=interval,
+            confidence=CONFIDENCE,
+            verdict=judge(interval, below=1.0),
+            why=f"Largest error of any axis at any epoch of a run; {share} of the runs stay inside.",
+            established="does not",
         )
     )
     return claims
@@ -141,17 +140,17 @@ def _final_accuracy(result: LandingResult) -> list[Claim]:
         largest = np.abs(error[:, part]).max() * unit[1]
         claims.append(
             Claim(
-                f"3{letter}",
-                f"The final error of {name} is below {limit:g} {unit[0]}",
-                f"< {limit:g} {unit[0]}",
-                f"3-sigma {value:.2g} [{low:.2g}, {high:.2g}] {unit[0]} at touchdown, ideal camera",
-                value,
-                (low, high),
-                CONFIDENCE,
-                judge((low, high), below=limit),
-                f"Worst axis; the largest error of all runs is {largest:.2g} {unit[0]}. With a limited "
+                number=f"3{letter}",
+                statement=f"The final error of {name} is below {limit:g} {unit[0]}",
+                printed=f"< {limit:g} {unit[0]}",
+                ours=f"3-sigma {value:.2g} [{low:.2g}, {high:.2g}] {unit[0]} at touchdown, ideal camera",
+                value=value,
+                interval=(low, high),
+                confidence=CONFIDENCE,
+                verdict=judge((low, high), below=limit),
+                why=f"Worst axis; the largest error of all runs is {largest:.2g} {unit[0]}. With a limited "
                 "field of view see 3d.",
-                established,
+                established=established,
             )
         )
     claims.append(_reached(result, "3c", (0.1, 0.05)))
@@ -162,19 +161,19 @@ def _final_accuracy(result: LandingResult) -> list[Claim]:
     descent, last = result.scenario.descent, max(camera.nav_off - 1, 0)
     claims.append(
         Claim(
-            "3d",
-            "The final error of position is below 0.1 m with a camera that can be built",
-            "< 0.1 m",
-            f"3-sigma {value:.2g} [{interval[0]:.2g}, {interval[1]:.2g}] m at touchdown",
-            value,
-            interval,
-            CONFIDENCE,
-            judge(interval, below=0.1),
-            f"Half field of view {np.degrees(camera.half_fov):.0f} deg: the last fix is at "
-            f"{descent.times[last]:.0f} s, "
-            f"{descent.altitude[last]:.0f} m; after it the result is that of the propagation assumed "
-            f"({result.scenario.hold_velocity_sigma * 1e3:g} mm/s), not of the lines of sight.",
-            "does not",
+            number="3d",
+            statement="The final error of position is below 0.1 m with a camera that can be built",
+            printed="< 0.1 m",
+            ours=f"3-sigma {value:.2g} [{interval[0]:.2g}, {interval[1]:.2g}] m at touchdown",
+            value=value,
+            interval=interval,
+            confidence=CONFIDENCE,
+            verdict=judge(interval, below=0.1),
+            why=f"Half field of view {np.degrees(camera.half_fov):.0f} deg: the last fix is at "
+            f"{descent.times[last]:.0f} s, {descent.altitude[last]:.0f} m; after it the result is that of "
+            f"the propagation assumed ({result.scenario.hold_velocity_sigma * 1e3:g} mm/s), not of the "
+            "lines of sight.",
+            established="does not",
         )
     )
     return claims
@@ -196,17 +195,17 @@ def _reached(result: LandingResult, number: str, limits: tuple[float, float]) ->
     share = f"{inside.mean():.4%}" if inside.size else "none"
     time = float(descent.times[last]) if exists else np.inf
     return Claim(
-        number,
-        f"3-sigma bounds come below {limits[0]:g} m and {limits[1]:g} deg during the descent",
-        f"{limits[0]:g} m, {limits[1]:g} deg",
-        f"position from {text[0]}, attitude from {text[1]}",
-        time,
-        (time, time),
-        CONFIDENCE,
-        "holds" if exists else "does not",
-        f"First image after which the bound of every axis stays below. {share} of the measured errors "
+        number=number,
+        statement=f"3-sigma bounds come below {limits[0]:g} m and {limits[1]:g} deg during the descent",
+        printed=f"{limits[0]:g} m, {limits[1]:g} deg",
+        ours=f"position from {text[0]}, attitude from {text[1]}",
+        value=time,
+        interval=(time, time),
+        confidence=CONFIDENCE,
+        verdict="holds" if exists else "does not",
+        why=f"First image after which the bound of every axis stays below. {share} of the measured errors "
         "after it are inside.",
-        "holds",
+        established="holds",
     )
 
 
@@ -224,17 +223,17 @@ def _altitude(result: LandingResult) -> list[Claim]:
     falling = np.mean(np.diff(result.sigma[:, :3].max(axis=1)) <= 0)
     return [
         Claim(
-            "4",
-            "The error falls as the altitude falls",
-            "-",
-            f"rms position error ~ altitude^{value:.2f} [{interval[0]:.2f}, {interval[1]:.2f}]",
-            value,
-            interval,
-            CONFIDENCE,
-            judge(interval, above=0.0),
-            f"Slope of log rms over log altitude above {altitude[high].min():.0f} m; the bound itself "
+            number="4",
+            statement="The error falls as the altitude falls",
+            printed="-",
+            ours=f"rms position error ~ altitude^{value:.2f} [{interval[0]:.2f}, {interval[1]:.2f}]",
+            value=value,
+            interval=interval,
+            confidence=CONFIDENCE,
+            verdict=judge(interval, above=0.0),
+            why=f"Slope of log rms over log altitude above {altitude[high].min():.0f} m; the bound itself "
             f"falls in {falling:.0%} of the steps.",
-            "holds",
+            established="holds",
         )
     ]
 
@@ -251,18 +250,17 @@ def _efficiency(result: LandingResult) -> list[Claim]:
     axes = ("x", "y", "z", "attitude 1", "attitude 2", "attitude 3")
     return [
         Claim(
-            "9",
-            "The covariance is the inverse Fisher information, and the estimate attains it",
-            "P = F⁻¹",
-            f"measured/predicted variance {ratios.min():.4f} … {ratios.max():.4f} over the six axes",
-            value,
-            interval,
-            BAND,
-            "holds" if bool(np.all((ratios >= low) & (ratios <= high))) else "does not",
-            f"All epochs and runs; all six inside [{low:.4f}, {high:.4f}], exact chi-square band at "
-            f"{BAND:.1%} for the six together. "
-            f"Farthest from 1: {axes[worst]}.",
-            "holds",
+            number="9",
+            statement="The covariance is the inverse Fisher information, and the estimate attains it",
+            printed="P = F⁻¹",
+            ours=f"measured/predicted variance {ratios.min():.4f} … {ratios.max():.4f} over the six axes",
+            value=value,
+            interval=interval,
+            confidence=BAND,
+            verdict="holds" if bool(np.all((ratios >= low) & (ratios <= high))) else "does not",
+            why=f"All epochs and runs; all six inside [{low:.4f}, {high:.4f}], exact chi-square band at "
+            f"{BAND:.1%} for the six together. Farthest from 1: {axes[worst]}.",
+            established="holds",
         )
     ]
 
@@ -285,18 +283,18 @@ def _steepest(result: LandingResult) -> Claim:
         angles.append(float(2 * np.degrees(np.arcsin(np.linalg.norm(across) / 2))))
     shrinking = angles[0] > angles[1] > angles[2]
     return Claim(
-        "10",
-        "For η → ∞ with Γ = I the LM step becomes steepest descent",
-        "-",
-        f"angle between them {angles[0]:.2g}, {angles[1]:.2g}, {angles[2]:.2g} deg for η = 1, 10³, 10⁶ "
+        number="10",
+        statement="For η → ∞ with Γ = I the LM step becomes steepest descent",
+        printed="-",
+        ours=f"angle between them {angles[0]:.2g}, {angles[1]:.2g}, {angles[2]:.2g} deg for η = 1, 10³, 10⁶ "
         "times the largest eigenvalue",
-        angles[2],
-        (angles[2], angles[2]),
-        CONFIDENCE,
-        "holds" if shrinking and angles[2] < 1e-3 else "does not",
-        "The direction only: with Γ = I and these units (m beside MRP) such steps hardly move the attitude "
-        "or hardly move the position.",
-        "holds",
+        value=angles[2],
+        interval=(angles[2], angles[2]),
+        confidence=CONFIDENCE,
+        verdict="holds" if shrinking and angles[2] < 1e-3 else "does not",
+        why="The direction only: with Γ = I and these units (m beside MRP) such steps hardly move the "
+        "attitude or hardly move the position.",
+        established="holds",
     )
 
 

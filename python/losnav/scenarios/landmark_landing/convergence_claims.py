@@ -37,29 +37,29 @@ def _iterations(result: LandingResult) -> list[Claim]:
     fewer, fewer_interval = resampled((warm_lm < warm_gn).mean(axis=1), identity)
     return [
         Claim(
-            "5a",
-            "LM needs fewer iterations than GLSDC on average (previous estimate as guess)",
-            "fewer (Fig. 6)",
-            f"GLSDC {warm_gn.mean():.2f}, LM {warm_lm.mean():.2f}: LM fewer by {span(value, interval)}",
-            value,
-            interval,
-            CONFIDENCE,
-            judge(interval, above=0.0),
-            "Printed stop test, trial steps that LM rejects counted; paired over the same images, "
+            number="5a",
+            statement="LM needs fewer iterations than GLSDC on average (previous estimate as guess)",
+            printed="fewer (Fig. 6)",
+            ours=f"GLSDC {warm_gn.mean():.2f}, LM {warm_lm.mean():.2f}: LM fewer by {span(value, interval)}",
+            value=value,
+            interval=interval,
+            confidence=CONFIDENCE,
+            verdict=judge(interval, above=0.0),
+            why="Printed stop test, trial steps that LM rejects counted; paired over the same images, "
             "bootstrap over runs.",
-            "does not",
+            established="does not",
         ),
         Claim(
-            "5b",
-            "LM needs fewer iterations on most images",
-            "fewer (Fig. 6)",
-            f"{percent(fewer, fewer_interval)} of images",
-            fewer,
-            fewer_interval,
-            CONFIDENCE,
-            judge(fewer_interval, above=0.5),
-            "Same runs as 5a, image by image.",
-            "does not",
+            number="5b",
+            statement="LM needs fewer iterations on most images",
+            printed="fewer (Fig. 6)",
+            ours=f"{percent(fewer, fewer_interval)} of images",
+            value=fewer,
+            interval=fewer_interval,
+            confidence=CONFIDENCE,
+            verdict=judge(fewer_interval, above=0.5),
+            why="Same runs as 5a, image by image.",
+            established="does not",
         ),
         *_cold_iterations(result),
     ]
@@ -81,42 +81,42 @@ def _cold_iterations(result: LandingResult) -> list[Claim]:
     lead, lead_interval = resampled((good["lm"] - good["gn"]).mean(axis=1), identity)
     return [
         Claim(
-            "5c",
-            "LM needs fewer iterations from far cold starts, where both succeed",
-            "fewer",
-            f"in {percent(fewer, fewer_interval)} of them; mean GLSDC {means[0]:.2f}, LM {means[1]:.2f}",
-            fewer,
-            fewer_interval,
-            CONFIDENCE,
-            judge(fewer_interval, above=0.5),
-            f"{_far_text(result)}; stop at a relative change of {result.scenario.cold_cost_tolerance:g}.",
-            "does not",
+            number="5c",
+            statement="LM needs fewer iterations from far cold starts, where both succeed",
+            printed="fewer",
+            ours=f"in {percent(fewer, fewer_interval)} of them; mean GLSDC {means[0]:.2f}, LM {means[1]:.2f}",
+            value=fewer,
+            interval=fewer_interval,
+            confidence=CONFIDENCE,
+            verdict=judge(fewer_interval, above=0.5),
+            why=f"{_far_text(result)}; stop at a relative change of {result.scenario.cold_cost_tolerance:g}.",
+            established="does not",
         ),
         Claim(
-            "5d",
-            "LM needs fewer iterations from far cold starts, all starts counted",
-            "fewer",
-            f"GLSDC {spent['gn'].mean():.1f}, LM {spent['lm'].mean():.1f}: LM fewer by "
+            number="5d",
+            statement="LM needs fewer iterations from far cold starts, all starts counted",
+            printed="fewer",
+            ours=f"GLSDC {spent['gn'].mean():.1f}, LM {spent['lm'].mean():.1f}: LM fewer by "
             f"{span(saved, saved_interval)}",
-            saved,
-            saved_interval,
-            CONFIDENCE,
-            judge(saved_interval, above=0.0),
-            f"A start that never reaches the right pose counts with the limit of {limit} iterations.",
-            "holds",
+            value=saved,
+            interval=saved_interval,
+            confidence=CONFIDENCE,
+            verdict=judge(saved_interval, above=0.0),
+            why=f"A start that never reaches the right pose counts with the limit of {limit} iterations.",
+            established="holds",
         ),
         Claim(
-            "5e",
-            "LM reaches the right pose more often than GLSDC from far cold starts",
-            "-",
-            f"LM {good['lm'].mean():.2%}, GLSDC {good['gn'].mean():.2%}: LM more by "
+            number="5e",
+            statement="LM reaches the right pose more often than GLSDC from far cold starts",
+            printed="-",
+            ours=f"LM {good['lm'].mean():.2%}, GLSDC {good['gn'].mean():.2%}: LM more by "
             f"{percent(lead, lead_interval)}",
-            lead,
-            lead_interval,
-            CONFIDENCE,
-            judge(lead_interval, above=0.0),
-            "Success, not the number of iterations, is what LM is for.",
-            "holds",
+            value=lead,
+            interval=lead_interval,
+            confidence=CONFIDENCE,
+            verdict=judge(lead_interval, above=0.0),
+            why="Success, not the number of iterations, is what LM is for.",
+            established="holds",
         ),
     ]
 
@@ -128,17 +128,17 @@ def _cold_epochs(result: LandingResult) -> Claim:
     at = {k: success[:, k, far].mean(axis=1) for k in (early, late)}
     value, interval = resampled(at[late] - at[early], identity)
     return Claim(
-        "6a",
-        "From a cold start, early epochs are harder to converge (GLSDC)",
-        "-",
-        f"success {at[early].mean():.0%} at {times[early]:.0f} s, {at[late].mean():.0%} at "
+        number="6a",
+        statement="From a cold start, early epochs are harder to converge (GLSDC)",
+        printed="-",
+        ours=f"success {at[early].mean():.0%} at {times[early]:.0f} s, {at[late].mean():.0%} at "
         f"{times[late]:.0f} s: gain {percent(value, interval)}",
-        value,
-        interval,
-        CONFIDENCE,
-        judge(interval, above=0.0),
-        f"{_far_text(result)}; the position scatter shrinks with the range.",
-        "holds",
+        value=value,
+        interval=interval,
+        confidence=CONFIDENCE,
+        verdict=judge(interval, above=0.0),
+        why=f"{_far_text(result)}; the position scatter shrinks with the range.",
+        established="holds",
     )
 
 
@@ -151,18 +151,18 @@ def _epochs(result: LandingResult) -> list[Claim]:
         value, interval = resampled(thirds[:, 0] - thirds[:, 2], identity)
         claims.append(
             Claim(
-                f"6{letter}",
-                f"With the previous estimate as guess, early epochs need more iterations ({label})",
-                "-",
-                f"{' / '.join(f'{mean:.2f}' for mean in thirds.mean(axis=0))} in the thirds of the "
+                number=f"6{letter}",
+                statement=f"With the previous estimate as guess, early epochs need more iterations ({label})",
+                printed="-",
+                ours=f"{' / '.join(f'{mean:.2f}' for mean in thirds.mean(axis=0))} in the thirds of the "
                 f"descent: {span(value, interval)}",
-                value,
-                interval,
-                CONFIDENCE,
-                judge(interval, above=_NOTICEABLE),
-                "Mean of the first third minus the last, first image excepted; "
-                f"less than {_NOTICEABLE:g} iteration is no effect.",
-                established,
+                value=value,
+                interval=interval,
+                confidence=CONFIDENCE,
+                verdict=judge(interval, above=_NOTICEABLE),
+                why="Mean of the first third minus the last, first image excepted; less than "
+                f"{_NOTICEABLE:g} iteration is no effect.",
+                established=established,
             )
         )
     return claims

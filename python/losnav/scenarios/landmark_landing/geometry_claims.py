@@ -46,7 +46,16 @@ def _rank_claim(  # noqa: PLR0917
     value = float(ranks[-1])
     established: Verdict = "holds" if number in "7a 7b 7c 7d" else "does not"
     return Claim(
-        number, statement, printed, text, value, (float(ranks[0]), value), 1.0, verdict, why, established
+        number=number,
+        statement=statement,
+        printed=printed,
+        ours=text,
+        value=value,
+        interval=(float(ranks[0]), value),
+        confidence=1.0,
+        verdict=verdict,
+        why=why,
+        established=established,
     )
 
 
@@ -95,8 +104,8 @@ def _singular(scenario: LandmarkLanding) -> list[Claim]:
             [(triple, camera) for camera in on_cylinder],
             6,
             "Cameras on the danger cylinder, the circle through the three landmarks raised at right angles "
-            "to their plane "
-            f"(within {miss:.0e} m), see three landmarks that are not collinear and have rank 5.",
+            f"to their plane (within {miss:.0e} m), see three landmarks that are not collinear and have "
+            "rank 5.",
         ),
         _rank_claim(
             "7f",
@@ -105,8 +114,7 @@ def _singular(scenario: LandmarkLanding) -> list[Claim]:
             [(curve[:count], camera) for count in (4, 5, 6)],
             6,
             "Landmarks on a cubic curve through the camera, constructed so that one motion moves each "
-            "along its own line of "
-            "sight: 4, 5 and 6 of them, not coplanar, have rank 5.",
+            "along its own line of sight: 4, 5 and 6 of them, not coplanar, have rank 5.",
         ),
     ]
 
@@ -128,19 +136,19 @@ def _twins() -> Claim:
     where = " and ".join(f"({x:.0f}, {y:.0f}, {z:.0f})" for x, y, z in twins.positions)
     marks = ", ".join(f"({x:.1f}, {y:.1f}, {z:.1f})" for x, y, z in twins.landmarks)
     return Claim(
-        "8a",
-        "Four or more landmarks and rank 6 make the pose unique",
-        "unique",
-        f"two exact poses {distance:.0f} m and {np.degrees(angle):.0f} deg apart, lines of sight equal to "
-        f"{twins.los_difference:.0e}",
-        distance,
-        (distance, distance),
-        1.0,
-        "does not" if twins.valid else "ambiguous",
-        f"Cameras at {where} m see the landmarks {marks} m in the same directions; ranks {twins.ranks[0]} "
-        f"and {twins.ranks[1]}, not "
-        "coplanar, and the solver converges to either with zero residual.",
-        "does not",
+        number="8a",
+        statement="Four or more landmarks and rank 6 make the pose unique",
+        printed="unique",
+        ours=f"two exact poses {distance:.0f} m and {np.degrees(angle):.0f} deg apart, lines of sight equal "
+        f"to {twins.los_difference:.0e}",
+        value=distance,
+        interval=(distance, distance),
+        confidence=1.0,
+        verdict="does not" if twins.valid else "ambiguous",
+        why=f"Cameras at {where} m see the landmarks {marks} m in the same directions; ranks "
+        f"{twins.ranks[0]} and {twins.ranks[1]}, not coplanar, and the solver converges to either with zero "
+        "residual.",
+        established="does not",
     )
 
 
@@ -159,18 +167,17 @@ def _planar(descent: Descent) -> Claim:
         singular.append(values[7] / values[0])
     full = float(np.mean(np.array(singular) > 1e-9)) if flat == 0.0 else np.nan
     return Claim(
-        "8b",
-        "The pose from the four coplanar landmarks of this site is unique",
-        "unique",
-        f"homography unique at {full:.0%} of the epochs above ground",
-        full,
-        (full, full),
-        1.0,
-        "ambiguous" if np.isnan(full) else "holds" if full == 1.0 else "does not",
-        "Its linear system has rank 8 of 9 (smallest of the eight scaled singular values "
-        f"{min(singular):.1e}), so one homography "
-        "and one pose in front of the landmarks fit.",
-        "holds",
+        number="8b",
+        statement="The pose from the four coplanar landmarks of this site is unique",
+        printed="unique",
+        ours=f"homography unique at {full:.0%} of the epochs above ground",
+        value=full,
+        interval=(full, full),
+        confidence=1.0,
+        verdict="ambiguous" if np.isnan(full) else "holds" if full == 1.0 else "does not",
+        why="Its linear system has rank 8 of 9 (smallest of the eight scaled singular values "
+        f"{min(singular):.1e}), so one homography and one pose in front of the landmarks fit.",
+        established="holds",
     )
 
 
