@@ -36,7 +36,7 @@ class Observability:
         vector after division by ``scale``.
     labels : tuple of str
         Names of the components.
-    scale : (N,) or (..., N)
+    scale : (..., N)
         Size of one unit of each component.
     """
 
@@ -182,7 +182,7 @@ def analyze(
         degree=plain(ratio(values)),
         directions=sizes[:, np.newaxis] * right,
         labels=names,
-        scale=sizes,
+        scale=np.broadcast_to(sizes, values.shape),
     )
 
 

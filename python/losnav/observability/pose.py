@@ -21,6 +21,8 @@ LABELS = ("position x", "position y", "position z", "attitude x", "attitude y", 
 # Cosine beyond which a direction is called by the name of its axis, and below which a shift is lateral.
 NEARLY_PARALLEL = 0.97
 NEARLY_PERPENDICULAR = 0.25
+# Length of the mean direction below which the landmarks are all around, and no shift is lateral.
+NARROW_VIEW = 0.7
 # Noise this close to 1 rad is the default, not a noise: what rounding leaves of a one.
 UNIT_NOISE = 1e-9
 # A part of a motion below this share of the other is rounding.
@@ -341,8 +343,11 @@ def _axis(vector: FloatArray) -> str:
 
 
 def _aspect(shift: FloatArray, view: FloatArray) -> str:
-    """Whether a shift is along the lines of sight or across them."""
-    cosine = abs(shift @ view) / float(np.linalg.norm(shift) * np.linalg.norm(view))
+    """Whether a shift is along the lines of sight or across them; nothing if they lead in all directions."""
+    spread = float(np.linalg.norm(view))
+    if spread < NARROW_VIEW:
+        return ""
+    cosine = abs(shift @ view) / (float(np.linalg.norm(shift)) * spread)
     if cosine > NEARLY_PARALLEL:
         return " (range)"
     return " (lateral)" if cosine < NEARLY_PERPENDICULAR else ""

@@ -188,8 +188,9 @@ fn on_line(axis: Vec3<f64>, landmarks: &[Vec3<f64>], position: Vec3<f64>) -> boo
 fn two_landmarks(a: Vec3<f64>, b: Vec3<f64>) -> Diagnosis {
     let normal = cross(a, b);
     let baseline = sub(b, a);
-    // Centre of the circle through 0, a and b, up to a positive factor: (b² a − (a·b)(a + b) + a² b)/2(a × b)².
-    let toward = sub(add(scale(dot(b, b), a), scale(dot(a, a), b)), scale(dot(a, b), add(a, b)));
+    // Centre of the circle through 0, a and b, times 2(a × b)²: b²(a² − a·b) a + a²(b² − a·b) b.
+    let (aa, bb, ab) = (dot(a, a), dot(b, b), dot(a, b));
+    let toward = add(scale(bb * (aa - ab), a), scale(aa * (bb - ab), b));
     Diagnosis::TwoLandmarks { axis: unit(cross(normal, baseline)), centreward: unit(toward) }
 }
 

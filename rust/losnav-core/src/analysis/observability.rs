@@ -157,6 +157,17 @@ mod tests {
     }
 
     #[test]
+    fn two_landmarks_fix_a_turn_and_a_shift_by_themselves() {
+        let (position, x) = ([3.0, -2.0, 40.0], [1.0, 0.5, 0.0]);
+        let two = [add(RING[0], x), RING[1]];
+        let Diagnosis::TwoLandmarks { centreward, .. } = look(&two, position).diagnosis else { panic!() };
+        // The centre is as far from the camera as from both landmarks.
+        let circle = danger_cylinder::Circle::through(position, two[0], two[1]).unwrap();
+        let toward = sub(circle.centre(), position);
+        assert!((dot(toward, centreward) / circle.radius - 1.0).abs() < 1e-12);
+    }
+
+    #[test]
     fn lines() {
         let line = [-1.0, 0.3, 2.0, 5.0].map(|s| [4.0 + s, 2.0 * s, 1.0 + 0.5 * s]);
         let beside = look(&line, [3.0, -2.0, 40.0]);
