@@ -1,6 +1,7 @@
 """The doorway of losnav.observability: units, batches, noise, solutions, and any matrix at all."""
 
 import pickle
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import losnav as ln
-from losnav.observability import Diagnosis, analyze, degree
+from losnav.observability import Diagnosis, analyze, degree, of_pose_solution
 from tests import strategies as sts
 from tests.oracle import los as oracle_los
 from tests.oracle import observability as oracle
@@ -177,43 +178,68 @@ def test_solution_and_geometry_agree(scene):
     assert found.danger_cylinder_distance == pytest.approx(direct.danger_cylinder_distance, nan_ok=True)
 
 
+def solution_at(landmarks, position, sigma, inliers=None):
+    """What a solver hands over, made from the oracle: batches, members without an answer, wrong landmarks."""
+    shape, dcm = position.shape[:-1], dcm_from_mrp(MRP)
+    information = np.full((*shape, 6, 6), np.nan)
+    for index in np.ndindex(shape):
+        kept = landmarks if inliers is None else landmarks[inliers[index]]
+        weights = oracle_los.isotropic_weights(sigma, len(kept))
+        found = oracle_los.fisher_information(kept, position[index], MRP, weights)
+        body = np.kron(np.diag([1.0, 0]), dcm) + np.kron(np.diag([0, 1.0]), np.eye(3))
+        information[index] = body @ found @ body.T
+    return SimpleNamespace(
+        position=position,
+        mrp=np.where(np.isfinite(position), MRP, np.nan),
+        dcm=np.where(np.isfinite(position)[..., np.newaxis], dcm, np.nan),
+        inliers=inliers,
+        _body_information=information,
+        _landmarks=landmarks,
+    )
+
+
 def test_solutions_of_a_batch():
     """An invalid member has no rank and says so; the others are as if alone."""
-    places = np.array([[3.0, -2, 40], [-50, 50, 500], [5, 5, 90]])
-    los = ln.predict_los(RING, places, MRP)
-    los[1, 2] = np.nan
-    guess = np.concatenate([places, np.broadcast_to(MRP, (3, 3))], axis=-1)
-    solution = ln.solve_pose(RING, los, sigma=1e-5, guess=guess, on_error="nan")
-    found = solution.observability
-    assert found.rank.tolist() == [6, 0, 6]
-    assert found.diagnosis.tolist() == ["generic", "invalid problem", "generic"]
-    assert np.isnan(found.degree[1])
-    assert "invalid" in str(found[1])
-    for k in (0, 2):
-        single = ln.solve_pose(RING, los[k], sigma=1e-5, guess=guess[k]).observability
-        assert np.allclose(found.singular_values[k], single.singular_values, rtol=1e-9)
-    assert "rank 6 in 2, 0 in 1" in str(found)
+    where = positions()
+    where[0, 1] = np.nan
+    found = of_pose_solution(solution_at(RING, where, 1e-4))
+    assert found.rank.tolist() == [[6, 0, 6], [6, 6, 6]]
+    assert found.diagnosis[0].tolist() == ["generic", "invalid problem", "generic"]
+    assert np.isnan(found.degree[0, 1])
+    assert "invalid" in str(found[0, 1])
+    assert "rank 6 in 5, 0 in 1" in str(found)
+    for index in [(0, 0), (0, 2), (1, 0), (1, 1), (1, 2)]:
+        direct = ln.pose_observability(RING, where[index], MRP, 1e-4)
+        tolerance = FROM_SQUARE * direct.singular_values[0]
+        assert np.allclose(found.singular_values[index], direct.singular_values, rtol=0, atol=tolerance)
+        assert found.noise[index] == pytest.approx(1e-4)
+        assert str(found[index]) == str(direct)
+
+
+def test_a_singular_solution_is_named():
+    """The information matrix resolves enough to find the danger cylinder."""
+    found = of_pose_solution(solution_at(RING[:3], positions()[1, 2], 1e-4))
+    assert found.rank == 5
+    assert found.diagnosis is Diagnosis.DANGER_CYLINDER
 
 
 def test_only_inliers_count(rng):
-    """The wrong landmarks of a robust solution carry no information, so they have no part in the geometry."""
-    landmarks = rng.uniform(-30, 30, (9, 3))
-    places = np.array([[3.0, -2, 80], [-50, 50, 300]])
-    los = ln.predict_los(landmarks, places, MRP)
-    los[0, [1, 4]] = [[1.0, 0, 0], [0, 1, 0]]
-    los[1, 7] = [0, 0, -1]
-    solution = ln.solve_pose_robust(landmarks, los, sigma=1e-4)
-    assert solution.inliers.sum(axis=-1).tolist() == [7, 8]
-    found = solution.observability
-    for k in range(2):
-        kept = landmarks[solution.inliers[k]]
-        direct = ln.pose_observability(kept, solution.position[k], solution.mrp[k], 1e-4)
+    """Wrong landmarks carry no information, so they have no part in the geometry."""
+    landmarks = np.vstack([RING, rng.uniform(-30, 30, (3, 3))])
+    inliers = np.ones((2, 3, 7), dtype=bool)
+    inliers[0, :, 4:] = False
+    inliers[1, :, 3:] = False
+    found = of_pose_solution(solution_at(landmarks, positions(), 1e-4, inliers))
+    assert found.diagnosis[1, 2] is Diagnosis.DANGER_CYLINDER
+    for index in np.ndindex(2, 3):
+        direct = ln.pose_observability(landmarks[inliers[index]], positions()[index], MRP, 1e-4)
         tolerance = FROM_SQUARE * direct.singular_values[0]
-        assert np.allclose(found.singular_values[k], direct.singular_values, rtol=0, atol=tolerance)
-        assert found.noise[k] == pytest.approx(1e-4)
-        assert found.danger_cylinder_distance[k] == pytest.approx(direct.danger_cylinder_distance)
-        single = ln.solve_pose_robust(landmarks, los[k], sigma=1e-4).observability
-        assert np.allclose(single.singular_values, found.singular_values[k], rtol=1e-6)
+        assert np.allclose(found.singular_values[index], direct.singular_values, rtol=0, atol=tolerance)
+        assert found.rank[index] == direct.rank
+        assert found.diagnosis[index] is direct.diagnosis
+        assert found.noise[index] == pytest.approx(1e-4)
+        distance = direct.danger_cylinder_distance
+        assert found.danger_cylinder_distance[index] == pytest.approx(distance, abs=1e-12)
 
 
 def test_unit_noise_is_no_noise():

@@ -25,6 +25,9 @@ NEARLY_PERPENDICULAR = 0.25
 NARROW_VIEW = 0.7
 # Noise this close to 1 rad is the default, not a noise: what rounding leaves of a one.
 UNIT_NOISE = 1e-9
+# Singular values that an information matrix in double precision still tells from zero: eight times the root
+# of the rounding unit, which is about the rank tolerance.
+RESOLVED = 8.0 * float(np.finfo(np.float64).eps) ** 0.5
 # A part of a motion below this share of the other is rounding.
 ROUNDING_SHARE = 1e-6
 
@@ -244,8 +247,8 @@ def pose_observability(
 def of_pose_solution(solution: PoseSolution) -> PoseObservability:
     """Observability at a solved pose, from its information matrix: ``PoseSolution.observability``.
 
-    Squaring costs half the digits: ratios of singular values below some 1e-8 are rounding, which is below the
-    rank tolerance.
+    Squaring costs half the digits: singular values below :data:`RESOLVED` times the largest are rounding, and
+    count as zero.
     """
     information, dcm, kept = solution._body_information, solution.dcm, solution.inliers
     place, marks = solution.position, solution._landmarks
@@ -257,7 +260,8 @@ def of_pose_solution(solution: PoseSolution) -> PoseObservability:
         scaled = np.swapaxes(change, -1, -2) @ information @ change
     valid = np.array(np.isfinite(scaled).all(axis=(-2, -1), keepdims=True))
     squares, basis = np.linalg.eigh(np.where(valid, scaled, np.eye(6)))
-    values = np.where(valid[..., 0], np.sqrt(np.maximum(squares[..., ::-1], 0.0)), np.nan)
+    clear = squares > RESOLVED**2 * squares[..., -1:]
+    values = np.where(valid[..., 0], np.sqrt(np.where(clear, squares, 0.0))[..., ::-1], np.nan)
     right = np.swapaxes(basis[..., ::-1], -1, -2)
     pose = np.concatenate([place, solution.mrp], axis=-1)
     return _assemble(marks, pose, values, right, kept, body_axes=True)
