@@ -21,7 +21,7 @@ ArrayLike: TypeAlias = npt.ArrayLike
 UNIT_TOLERANCE = 1e-2
 # Orthonormality of a matrix a user calls a rotation: single precision input passes, a typing error does not.
 ROTATION_TOLERANCE = 1e-5
-# Asymmetry and negative eigenvalues of a covariance, relative to its trace.
+# Asymmetry and negative eigenvalues of a covariance, relative to its largest entry.
 COVARIANCE_TOLERANCE = 1e-9
 
 
@@ -94,7 +94,8 @@ def points(value: Any, name: str, minimum: int = 1) -> FloatArray:
 def units(value: Any, name: str, tolerance: float = UNIT_TOLERANCE) -> FloatArray:
     """Finite ``(..., 3)`` of unit length within tolerance; returned as given."""
     array = vectors(value, name)
-    norm = np.linalg.norm(array, axis=-1)
+    with np.errstate(over="ignore", under="ignore"):
+        norm = np.linalg.norm(array, axis=-1)
     bad = ~(np.abs(norm - 1.0) <= tolerance)
     if bad.any():
         index, where = _first(bad)
@@ -157,10 +158,19 @@ def positive(value: Any, name: str) -> FloatArray:
 def covariances(value: Any, name: str, size: int = 3) -> FloatArray:
     """Finite ``(..., size, size)``, symmetric, no negative eigenvalue."""
     array = matrices(value, name, size, size)
-    tolerance = COVARIANCE_TOLERANCE * np.abs(np.trace(array, axis1=-2, axis2=-1))
-    skewed = np.abs(array - np.swapaxes(array, -1, -2)).max(axis=(-2, -1))
-    bad = (skewed > tolerance) | (np.linalg.eigvalsh(array)[..., 0] < -tolerance)
+    # Only ratios are judged; of order one they neither overflow nor underflow.
+    largest = np.abs(array).max(axis=(-2, -1), keepdims=True)
+    unit = array / np.where(largest > 0.0, largest, 1.0)
+    skewed = np.abs(unit - np.swapaxes(unit, -1, -2)).max(axis=(-2, -1))
+    bad = (skewed > COVARIANCE_TOLERANCE) | (np.linalg.eigvalsh(unit)[..., 0] < -COVARIANCE_TOLERANCE)
     if bad.any():
         _, where = _first(bad)
         raise InvalidInputError(f"{name}{where}: expected a symmetric positive semidefinite matrix")
     return array
+
+
+def in_range(result: FloatArray, names: str) -> FloatArray:
+    """The result, if it is finite: valid arguments may still be too large for it."""
+    if not np.isfinite(result).all():
+        raise InvalidInputError(f"{names}: too large, the result is not a finite number")
+    return result

@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 
 from losnav import _core
-from losnav._arrays import ArrayLike, FloatArray, broadcast, finite, vectors
+from losnav._arrays import ArrayLike, FloatArray, broadcast, finite, in_range, vectors
 from losnav.errors import InvalidInputError
 
 __all__ = ["ClohessyWiltshire"]
@@ -126,6 +126,7 @@ class _Listed:
         states = _core.dynamics_trajectory(
             type(self).__name__, self._parameters(), x, u.reshape(-1, 3), np.diff(epochs)
         )
+        in_range(states, "state, times or control")
         return np.asarray(states).reshape((*shape, epochs.size, self.state_size))
 
     def _parameters(self) -> list[float]:
@@ -143,6 +144,7 @@ class _Listed:
         u = np.zeros(3) if control is None else vectors(control, "control")
         shape, (x, step, u) = broadcast(("state", x, 1), ("dt", step, 0), ("control", u, 1))
         answer = question(type(self).__name__, self._parameters(), x, u, step)
+        in_range(answer, "state, dt or control")
         return np.asarray(answer).reshape((*shape, *(core * (self.state_size,))))
 
 

@@ -16,7 +16,7 @@ import operator
 
 import numpy as np
 
-from losnav._arrays import ArrayLike, FloatArray, covariances, positive, rotations, units
+from losnav._arrays import ArrayLike, FloatArray, covariances, in_range, positive, rotations, units
 from losnav.errors import InvalidInputError
 
 __all__ = ["focal_plane", "isotropic", "landmark_uncertainty", "tangent"]
@@ -185,16 +185,19 @@ def landmark_uncertainty(
     if attitude.ndim > 2 and b.ndim > 1:
         # One attitude serves all the directions of a problem.
         attitude = attitude[..., np.newaxis, :, :]
-    body = attitude @ covariances(landmark_covariance, "landmark_covariance") @ np.swapaxes(attitude, -1, -2)
-    across = _projector(b) / _expanded(positive(ranges, "ranges"), b, "ranges")
+    spread = covariances(landmark_covariance, "landmark_covariance")
+    distance = _expanded(positive(ranges, "ranges"), b, "ranges")
     try:
-        added = across @ body @ across
+        with np.errstate(over="ignore", under="ignore", divide="ignore", invalid="ignore"):
+            root = _projector(b) / distance @ attitude
+            added = root @ spread @ np.swapaxes(root, -1, -2)
     except ValueError as error:
+        shapes = f"{b.shape}, {np.shape(dcm)} and {spread.shape}"
         raise InvalidInputError(
-            f"landmark_covariance: shapes {body.shape} and los_body {b.shape} do not broadcast"
+            f"los_body, dcm, landmark_covariance: leading dimensions of {shapes} do not broadcast"
         ) from error
     # Symmetric to the last bit, as a covariance should be.
-    return 0.5 * (added + np.swapaxes(added, -1, -2))
+    return in_range(0.5 * (added + np.swapaxes(added, -1, -2)), "landmark_covariance or ranges")
 
 
 def _count(n: int) -> int:

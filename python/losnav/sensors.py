@@ -23,6 +23,7 @@ from losnav._arrays import (
     FloatArray,
     broadcast,
     finite,
+    in_range,
     points,
     positive,
     rotations,
@@ -240,6 +241,7 @@ class LineOfSight:
         else:
             shape, (p, v, a, marks) = broadcast(*named, ("landmarks", marks, 2))
         predicted, jacobian = _core.sensor_linearize(type(self).__name__, (marks,), p, v, a)
+        in_range(jacobian, "state or landmarks")
         rows = 3 * marks.shape[-2]
         return (
             np.asarray(predicted).reshape((*shape, rows)),
