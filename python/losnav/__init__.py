@@ -17,6 +17,7 @@ from losnav.pose import (
     los_jacobian,
     predict_los,
     solve_pose,
+    solve_pose_robust,
 )
 
 __all__ = [
@@ -40,4 +41,5 @@ __all__ = [
     "predict_los",
     "sensors",
     "solve_pose",
+    "solve_pose_robust",
 ]

@@ -25,6 +25,7 @@ __all__ = [
     "los_jacobian",
     "predict_los",
     "solve_pose",
+    "solve_pose_robust",
 ]
 
 Method: TypeAlias = Literal["lm", "gauss-newton"]
@@ -266,6 +267,84 @@ def solve_pose(
         max_iterations,
         cost_tolerance,
         step_tolerance,
+        on_error,
+    )
+
+
+def solve_pose_robust(
+    landmarks: ArrayLike,
+    los: ArrayLike,
+    *,
+    sigma: ArrayLike = 1.0,
+    covariance: ArrayLike | None = None,
+    max_outlier_ratio: float = 0.6,
+    confidence: float = 0.9999,
+    inlier_probability: float = 0.999,
+    seed: int = 0,
+    max_iterations: int = 50,
+    on_error: OnError = "raise",
+) -> PoseSolution:
+    """Position and attitude when some of the directions belong to other landmarks.
+
+    Locally optimised RANSAC: minimal samples (P3P) scored by the truncated cost ``sum min(r^2, g^2)`` (MSAC), the
+    promising ones optimised on their inliers, the last optimisation guess-free on the inliers of the best. Without
+    a guess, and the same for the same seed whatever the machine's cores.
+
+    Parameters
+    ----------
+    landmarks : (N, 3) or (..., N, 3)
+        Landmarks in the reference frame, m. A landmark may appear twice: at most one of its directions is right.
+    los : (..., N, 3)
+        Unit vectors in body (camera) axes, right or wrong.
+    sigma : scalar, (N,) or (..., N)
+        1-sigma noise of the right directions, rad per axis. It decides what counts as wrong: give the true one.
+    covariance : (..., N, 3, 3), optional
+        Covariance of each direction in body axes, rad^2, instead of ``sigma``.
+    max_outlier_ratio : float
+        Greatest part of wrong directions to survive; bounds the number of samples.
+    confidence : float
+        Probability that a sample without wrong directions is drawn before the search stops.
+    inlier_probability : float
+        Part of the right directions that the gate lets pass (chi-square quantile, 2 degrees of freedom).
+    seed : int
+        Seed of the samples; problem k of a batch has its own.
+    max_iterations : int
+        Bound on the steps of the last optimisation.
+    on_error : {"raise", "nan"}
+        As for :func:`solve_pose`.
+
+    Returns
+    -------
+    PoseSolution
+        ``inliers (..., N)`` says which directions were kept; covariance, chi2 and dof are those of the kept ones.
+        ``converged`` also asks that no more directions were dropped than ``max_outlier_ratio`` allows.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the argument, the index and the rule broken.
+
+    Examples
+    --------
+    >>> import numpy as np, losnav as ln
+    >>> rng = np.random.default_rng(1)
+    >>> landmarks = rng.uniform(-50, 50, (30, 3))
+    >>> los = ln.predict_los(landmarks, [0, 0, 300], [0.1, 0.2, 0.3])
+    >>> los[:12] = los[11::-1]  # twelve mismatches
+    >>> solution = ln.solve_pose_robust(landmarks, los, sigma=1e-4)
+    >>> solution.inliers.sum(), bool(solution.converged)
+    (np.int64(18), True)
+    """
+    return _core.solve_pose_robust(
+        landmarks,
+        los,
+        sigma,
+        covariance,
+        max_outlier_ratio,
+        confidence,
+        inlier_probability,
+        seed,
+        max_iterations,
         on_error,
     )
 

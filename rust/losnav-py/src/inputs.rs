@@ -49,7 +49,7 @@ impl<'py> Arguments<'py> {
     }
 
     /// Checks the shapes and lays the problems out.
-    pub fn problems(&self, minimum: usize) -> PyResult<Problems<'_>> {
+    pub fn problems(&self, minimum: usize, repeats: Repeats) -> PyResult<Problems<'_>> {
         let landmarks = Part::new("landmarks", "(N, 3) or (..., N, 3)", &self.landmarks, &[None, Some(3)])?;
         let n = landmarks.core[0];
         let los = Part::new("los", "(..., N, 3)", &self.los, &[None, Some(3)])?;
@@ -99,6 +99,7 @@ impl<'py> Arguments<'py> {
             guess: guess.map(|part| part.rows(&shape)),
             landmark_shape: self.landmarks.shape(),
             shape,
+            repeats,
         })
     }
 }
@@ -219,6 +220,15 @@ pub enum Noise<'a> {
     Covariance(Rows<'a>),
 }
 
+/// May two rows name one landmark?
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Repeats {
+    /// No: a repeated landmark is a slip that would count twice.
+    Refused,
+    /// Yes: the same landmark matched twice is what a robust solve is for.
+    Allowed,
+}
+
 /// Every problem of a call.
 pub struct Problems<'a> {
     /// Landmarks in each.
@@ -239,6 +249,8 @@ pub struct Problems<'a> {
     pub guess: Option<Rows<'a>>,
     /// Shape of the landmark argument.
     pub landmark_shape: &'a [usize],
+    /// May two rows name one landmark?
+    repeats: Repeats,
 }
 
 /// One problem, values checked, directions normalised.
@@ -279,7 +291,9 @@ impl<'a> Problems<'a> {
         let los = triples(self.los.of(k));
         let Scratch { los: unit, weights, seen } = scratch;
         check_finite("landmarks", landmarks)?;
-        check_distinct(landmarks, seen)?;
+        if self.repeats == Repeats::Refused {
+            check_distinct(landmarks, seen)?;
+        }
         let los = check_unit(los, unit)?;
         weights.clear();
         match &self.noise {

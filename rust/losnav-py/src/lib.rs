@@ -13,6 +13,7 @@ mod lanes;
 mod los;
 mod observability;
 mod pose;
+mod robust;
 mod sensors;
 mod solution;
 
@@ -36,6 +37,8 @@ mod _core {
     use crate::observability::{pose_geometry, pose_singular};
     #[pymodule_export]
     use crate::pose::solve_pose;
+    #[pymodule_export]
+    use crate::robust::solve_pose_robust;
     #[pymodule_export]
     use crate::sensors::sensor_linearize;
     #[pymodule_export]

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use crate::convert::{self, Floats};
 use crate::errors::shape_error;
-use crate::inputs::{Arguments, Scratch};
+use crate::inputs::{Arguments, Repeats, Scratch};
 
 /// Below this many landmarks in all, threads cost more than they save.
 const SERIAL: usize = 4096;
@@ -128,7 +128,7 @@ pub fn fisher_information<'py>(
     pose: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let arguments = Arguments::new(landmarks, predicted, sigma, covariance, Some(pose))?;
-    let problems = arguments.problems(1)?;
+    let problems = arguments.problems(1, Repeats::Refused)?;
     let mut data = Vec::with_capacity(problems.count * 36);
     let mut scratch = Scratch::default();
     for k in 0..problems.count {

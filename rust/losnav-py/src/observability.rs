@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use crate::convert::{self, Floats};
 use crate::errors::{BadValue, shape_error};
-use crate::inputs::{Arguments, Problem, Scratch};
+use crate::inputs::{Arguments, Problem, Repeats, Scratch};
 
 /// Problems one thread takes at a time: each costs some microseconds.
 const CHUNK: usize = 32;
@@ -38,7 +38,7 @@ pub fn pose_singular<'py>(
     pose: &Bound<'py, PyAny>,
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
     let arguments = Arguments::new(landmarks, predicted, sigma, covariance, Some(pose))?;
-    let problems = arguments.problems(1)?;
+    let problems = arguments.problems(1, Repeats::Refused)?;
     let all: Vec<Result<Singular6, BadValue>> = py.detach(|| {
         let one = |scratch: &mut Scratch, k| problems.get(k, scratch).map(|problem| singular_of(&problem));
         (0..problems.count).into_par_iter().with_min_len(CHUNK).map_init(Scratch::default, one).collect()

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use crate::batch::{ManyPoses, ManyStarts, OnePose};
 use crate::dispatch;
 use crate::errors::{BadValue, InvalidInputError, choice_error};
-use crate::inputs::{Arguments, Problem, Problems, Scratch};
+use crate::inputs::{Arguments, Problem, Problems, Repeats, Scratch};
 use crate::solution::{Landmarks, PoseSolution, Record};
 
 /// Problems a thread takes at a time: a multiple of the lanes.
@@ -81,7 +81,7 @@ pub fn solve_pose(
         raise: parse_on_error(on_error)?,
     };
     let arguments = Arguments::new(landmarks, los, sigma, covariance, guess)?;
-    let problems = arguments.problems(3)?;
+    let problems = arguments.problems(3, Repeats::Refused)?;
     if problems.single {
         let mut scratch = Scratch::default();
         let solved = match problems.get(0, &mut scratch) {
@@ -96,7 +96,8 @@ pub fn solve_pose(
     Ok(PoseSolution::many(problems.shape.clone(), records, kept_landmarks(&problems), others, None))
 }
 
-fn kept_landmarks(problems: &Problems<'_>) -> Landmarks {
+/// What the solution keeps of the landmarks.
+pub fn kept_landmarks(problems: &Problems<'_>) -> Landmarks {
     Landmarks { data: problems.landmark_data().to_vec(), shape: problems.landmark_shape.to_vec() }
 }
 
