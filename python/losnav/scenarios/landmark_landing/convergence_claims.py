@@ -45,7 +45,7 @@ def _iterations(result: LandingResult) -> list[Claim]:
             interval=interval,
             confidence=CONFIDENCE,
             verdict=judge(interval, above=0.0),
-            why="Printed stop test, trial steps that LM rejects counted; paired over the same images, "
+            why="Printed stop test, rejected trials of LM counted, damping led by the gain ratio; paired, "
             "bootstrap over runs.",
             established="does not",
         ),
