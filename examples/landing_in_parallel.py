@@ -8,12 +8,12 @@ Stop it whenever you like; started again it continues where it was and ends with
 import os
 import sys
 
-import losnav as ln
+from losnav import scenarios
 from losnav.campaign import worker_pool
 
 
 def main(folder: str) -> None:
-    landing = ln.scenarios.load("landmark-landing", focal_plane_sigma=5e-6, half_fov=0.7)
+    landing = scenarios.load("landmark-landing", focal_plane_sigma=5e-6, half_fov=0.7)
     with worker_pool(os.cpu_count() or 1) as pool:
         result = landing.run(runs=300, seed=1, executor=pool, progress=True, out=folder, resume=True)
     for table in result.tables():

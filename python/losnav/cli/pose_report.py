@@ -44,10 +44,10 @@ def report_json(problem: Problem, solution: ln.PoseSolution, inliers: NDArray[np
         "sigma_position_m": _list(sigma[:3]),
         "sigma_attitude_deg": _list(np.degrees(sigma[3:])),
         "covariance": [_list(row) for row in covariance],
-        "sigma_los_rad": scale if problem.sigma is None else None,
-        "chi2": None if problem.sigma is None else _finite(solution.chi2),
+        "sigma_los_rad": scale,
+        "chi2": _finite(solution.chi2) if problem.noise else None,
         "dof": int(solution.dof),
-        "p_value": None if problem.sigma is None else _finite(_p_value(solution)),
+        "p_value": _finite(_p_value(solution)) if problem.noise else None,
         "fit": _fit(problem, solution, scale, not inliers.all()),
         "observations": len(problem.ids),
         "unobserved_landmarks": problem.unobserved,
@@ -103,12 +103,13 @@ def report_text(facts: dict[str, Any]) -> str:
 
 def _geometry(problem: Problem, solution: ln.PoseSolution, inliers: NDArray[np.bool_]) -> dict[str, Any]:
     """What the places of camera and landmarks allow to be known."""
-    marks, camera = problem.landmarks[inliers], np.asarray(solution.position)
-    if not np.isfinite(camera).all():
+    if np.isfinite(solution.position).all():
+        seen = solution.observability
+    else:
         # No pose to judge; what is lost from a place in general position is lost everywhere.
+        marks = np.unique(problem.landmarks[inliers], axis=0)
         spread = np.ptp(problem.landmarks, axis=0).max()
-        camera = marks.mean(axis=0) + spread * np.array([0.9, 1.3, 2.1])
-    seen = ln.pose_observability(marks, camera)
+        seen = ln.pose_observability(marks, marks.mean(axis=0) + spread * np.array([0.9, 1.3, 2.1]))
     return {
         "rank": int(seen.rank),
         "degree": _finite(seen.degree),
@@ -122,7 +123,7 @@ def _covariance(problem: Problem, solution: ln.PoseSolution) -> tuple[Array, flo
     """Covariance of the pose; without a given noise it is scaled by what the residuals show (then also
     returned)."""
     covariance = np.asarray(solution.covariance)
-    if problem.sigma is not None:
+    if problem.noise:
         return covariance, None
     if int(solution.dof) < 1:
         return np.full((6, 6), np.nan), None
@@ -138,7 +139,7 @@ def _p_value(solution: ln.PoseSolution) -> float:
 def _fit(problem: Problem, solution: ln.PoseSolution, scale: float | None, rejecting: bool) -> str:
     """The residuals in words."""
     dof = int(solution.dof)
-    if problem.sigma is None:
+    if not problem.noise:
         if scale is None:
             return (
                 "three observations are always met exactly and no sigma was given: nothing can be said of "
@@ -175,7 +176,7 @@ def _suspicious(
     problem: Problem, solution: ln.PoseSolution, inliers: NDArray[np.bool_]
 ) -> list[dict[str, Any]]:
     """Observations used whose residual is larger than chance allows, worst first."""
-    if problem.sigma is None or int(solution.dof) < 1 or not np.isfinite(solution.position).all():
+    if not problem.noise or int(solution.dof) < 1 or not np.isfinite(solution.position).all():
         return []
     residual = problem.los - ln.predict_los(problem.landmarks, solution.position, solution.mrp)
     if problem.covariance is not None:
@@ -183,7 +184,7 @@ def _suspicious(
             "ni,ni->n", residual, np.linalg.solve(problem.covariance, residual[..., None])[..., 0]
         )
     else:
-        square = np.sum(residual**2, axis=1) / problem.sigma**2
+        square = np.sum(residual**2, axis=1) / problem.noise["sigma"] ** 2
     limit = float(chi2_quantile(1 - _FALSE_ALARM / len(square), 2))
     order = np.argsort(-square)
     return [

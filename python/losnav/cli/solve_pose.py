@@ -34,11 +34,10 @@ class Problem:
         Identifier of each observation.
     landmarks, los : (N, 3) arrays
         m, and unit vectors in camera axes.
-    sigma : (N,) array or None
-        1-sigma of each LOS, rad (for pixels the geometric mean over its two directions); None if it was not
-        given.
+    sigma : float or None
+        1-sigma of every LOS, rad, if the noise was given so.
     covariance : (N, 3, 3) array or None
-        Covariance of each LOS, rad², if the noise is given in pixels.
+        Covariance of each LOS, rad², if the noise was given in pixels.
     unobserved : int
         Landmarks without an observation.
     """
@@ -46,16 +45,16 @@ class Problem:
     ids: tuple[str, ...]
     landmarks: Array
     los: Array
-    sigma: Array | None
+    sigma: float | None
     covariance: Array | None
     unobserved: int
 
-    def noise(self, keep: NDArray[np.bool_] | None = None) -> dict[str, Any]:
-        """Noise arguments of the solver for all or some of the measurements."""
-        pick = slice(None) if keep is None else keep
+    @property
+    def noise(self) -> dict[str, Any]:
+        """Noise arguments of the solver; empty if no noise was given."""
         if self.covariance is not None:
-            return {"covariance": self.covariance[pick]}
-        return {} if self.sigma is None else {"sigma": self.sigma[pick]}
+            return {"covariance": self.covariance}
+        return {} if self.sigma is None else {"sigma": self.sigma}
 
 
 def add_command(commands: Any) -> None:
@@ -93,7 +92,8 @@ def add_command(commands: Any) -> None:
         "--guess",
         type=_numbers(6, 7),
         metavar="X,Y,Z,...",
-        help="first guess: position and MRP (6 numbers) or quaternion x,y,z,w (7); none is needed",
+        help="first guess: position and MRP (6 numbers) or quaternion x,y,z,w (7); "
+        "none is needed, and --robust uses none",
     )
     command.add_argument("--json", action="store_true", help="print JSON")
     command.set_defaults(command=_solve)
@@ -147,21 +147,18 @@ def _problem(arguments: argparse.Namespace) -> Problem:
         raise InvalidInputError(
             f"{arguments.observations}: expected at least 3 observations, got {len(observations.ids)}"
         )
-    _refuse_same_place(observations, positions)
+    if not arguments.robust:
+        _refuse_same_place(observations, positions)
     camera = _camera(arguments, observations)
     los = observations.values if camera is None else camera.los(observations)
-    sigma, covariance = None, None
-    if arguments.sigma is not None:
-        sigma = np.full(len(los), arguments.sigma)
-    elif arguments.sigma_px is not None and camera is not None:
+    covariance = None
+    if arguments.sigma_px is not None and camera is not None:
         covariance = camera.covariance(los, arguments.sigma_px)
-        # The two noise directions shrink with the first and second power of the cosine off axis.
-        sigma = arguments.sigma_px / np.sqrt(camera.focal[0] * camera.focal[1]) * los[:, 2] ** 1.5
     return Problem(
         observations.ids,
         np.array([positions[k] for k in observations.ids]),
         los,
-        sigma,
+        arguments.sigma,
         covariance,
         len(positions) - len(observations.ids),
     )
@@ -174,7 +171,7 @@ def _refuse_same_place(observations: Observations, positions: dict[str, tuple[fl
         if other != identifier:
             raise InvalidInputError(
                 f"{place}: expected landmarks at different places, got {identifier!r} where "
-                f"{other!r} is; keep one of them"
+                f"{other!r} is; keep one, or let --robust choose"
             )
 
 
@@ -207,18 +204,13 @@ def _solution(problem: Problem, arguments: argparse.Namespace) -> tuple[ln.PoseS
         values = np.array(arguments.guess)
         guess = values if len(values) == 6 else np.concatenate([values[:3], _mrp(values[3:])])
     if not arguments.robust:
-        return ln.solve_pose(problem.landmarks, problem.los, guess=guess, **problem.noise()), everything
-    if problem.sigma is None:
+        return ln.solve_pose(problem.landmarks, problem.los, guess=guess, **problem.noise), everything
+    if not problem.noise:
         raise InvalidInputError(
             "--robust: expected --sigma or --sigma-px to tell a wrong match from noise, got neither"
         )
-    robust = ln.solve_pose_robust(problem.landmarks, problem.los, sigma=problem.sigma)
-    keep = np.asarray(robust.inliers, dtype=bool)
-    if np.count_nonzero(keep) < 3 or problem.covariance is None:
-        return robust, keep
-    # The search weighs a LOS by one number; the final fit uses the covariance of its pixel.
-    start = np.concatenate([robust.position, robust.mrp])
-    return ln.solve_pose(problem.landmarks[keep], problem.los[keep], guess=start, **problem.noise(keep)), keep
+    robust = ln.solve_pose_robust(problem.landmarks, problem.los, **problem.noise)
+    return robust, np.asarray(robust.inliers, dtype=bool)
 
 
 def _mrp(quaternion: Array) -> Array:
