@@ -97,7 +97,6 @@ impl<'py> Arguments<'py> {
                 Ok(part) => Noise::Sigma(part.rows(&shape)),
             },
             guess: guess.map(|part| part.rows(&shape)),
-            landmark_shape: self.landmarks.shape(),
             shape,
             repeats,
         })
@@ -204,6 +203,15 @@ impl<'a> Rows<'a> {
         self.data.get(row * self.size..(row + 1) * self.size).unwrap_or(&[])
     }
 
+    /// A copy: the one row that serves every problem, or (then `true`) one row for each.
+    pub fn distinct_rows(&self, problems: usize) -> (Vec<f64>, bool) {
+        match &self.offsets {
+            Offsets::Shared => (self.of(0).to_vec(), false),
+            Offsets::Each => (self.data.to_vec(), true),
+            Offsets::Table(_) => ((0..problems).flat_map(|k| self.of(k)).copied().collect(), true),
+        }
+    }
+
     /// Does one row serve every problem?
     pub fn shared(&self) -> bool {
         matches!(self.offsets, Offsets::Shared)
@@ -247,8 +255,6 @@ pub struct Problems<'a> {
     pub noise: Noise<'a>,
     /// `(6,)` each.
     pub guess: Option<Rows<'a>>,
-    /// Shape of the landmark argument.
-    pub landmark_shape: &'a [usize],
     /// May two rows name one landmark?
     repeats: Repeats,
 }
@@ -315,11 +321,6 @@ impl<'a> Problems<'a> {
         };
         Ok(Problem { landmarks, los, weights, guess })
     }
-
-    /// The landmarks of all problems, as the solution keeps them.
-    pub fn landmark_data(&self) -> &'a [f64] {
-        self.landmarks.data
-    }
 }
 
 fn triples(data: &[f64]) -> &[[f64; 3]] {
@@ -348,13 +349,9 @@ fn check_finite(argument: &'static str, rows: &[[f64; 3]]) -> Result<(), BadValu
 
 /// Unit vectors: the caller's memory if they are exact, a normalised copy otherwise.
 fn check_unit<'s>(los: &'s [[f64; 3]], copy: &'s mut Vec<[f64; 3]>) -> Result<&'s [[f64; 3]], BadValue> {
-    let mut worst = 0.0_f64;
-    for [x, y, z] in los {
-        let off = (x * x + y * y + z * z - 1.0).abs();
-        // `max` drops NaN, this keeps it.
-        worst = if off <= worst { worst } else { off };
-    }
-    if worst <= UNIT_EXACT {
+    // Written so that NaN is not exact.
+    let exact = |[x, y, z]: &[f64; 3]| (x * x + y * y + z * z - 1.0).abs() <= UNIT_EXACT;
+    if los.iter().all(exact) {
         return Ok(los);
     }
     copy.clear();

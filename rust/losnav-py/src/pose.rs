@@ -98,7 +98,10 @@ pub fn solve_pose(
 
 /// What the solution keeps of the landmarks.
 pub fn kept_landmarks(problems: &Problems<'_>) -> Landmarks {
-    Landmarks { data: problems.landmark_data().to_vec(), shape: problems.landmark_shape.to_vec() }
+    let (data, lead) = problems.landmarks.distinct_rows(problems.count);
+    let mut shape = if lead { problems.shape.clone() } else { Vec::new() };
+    shape.extend([problems.n, 3]);
+    Landmarks { data, shape }
 }
 
 type Failure = (usize, BadValue);

@@ -13,7 +13,7 @@
 //! 5. guess-free starts on the inliers alone find the flipped pose, if it is the better one; the best is optimised to convergence.
 //!
 //! All draws come from a SplitMix64 generator: the same seed, the same result, on every machine.
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
 use super::least_squares::{Options, Outcome, PoseState, solve};
 use super::loss::{Loss, LossValue, Robust, RobustKind};
@@ -165,7 +165,8 @@ impl Problem<'_> {
             Weight::Scalar(w) => w * b.cross(&v).norm_squared() / v.norm_squared(),
             Weight::Full(root) => {
                 let e = b - v / v.norm();
-                root.iter().map(|r| (r[0] * e[0] + r[1] * e[1] + r[2] * e[2]).powi(2)).sum()
+                let whitened = Matrix3::from(root).transpose() * e;
+                whitened.norm_squared()
             }
         };
         // Written so that NaN is outside.
