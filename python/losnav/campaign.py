@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 
 from losnav.errors import InvalidInputError
 
-__all__ = ["Progress", "Task", "run_campaign", "worker_pool"]
+__all__ = ["Progress", "Task", "is_finished", "run_campaign", "worker_pool"]
 
 Arrays: TypeAlias = dict[str, NDArray[Any]]
 #: Called with the number of finished runs and the total.
@@ -139,6 +139,20 @@ def run_campaign(
     if store is not None:
         store.save_results(results)
     return results
+
+
+def is_finished(out: str | os.PathLike[str]) -> bool:
+    """Whether a folder holds a campaign with its results.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from losnav.campaign import is_finished
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     is_finished(folder)
+    False
+    """
+    return Path(out, _RESULTS).exists()
 
 
 def _count(argument: str, value: int, least: int = 1) -> int:

@@ -127,14 +127,20 @@ def test_run_json_and_out(capsys, tmp_path):
     assert len(report["figures"]) == len(list(out.glob("*.png"))) == 7
 
 
-def test_finished_campaign_needs_resume(capsys, tmp_path):
+def test_stored_campaign(capsys, tmp_path):
     command = ["run", "landmark-landing", *SMALL, "--out", str(tmp_path), "--no-plot", "--json"]
     assert main(command) == 0
     first = capsys.readouterr().out
-    assert "resume" in refused(capsys, command)
     assert main([*command, "--resume"]) == 0
     assert capsys.readouterr().out == first
-    assert "seed" in refused(capsys, [*command, "--resume", "--seed", "8"])
+    assert main(command) == 0
+    again = capsys.readouterr()
+    assert again.out == first
+    assert "finished campaign" in again.err
+    assert main([*command, "--resume", "--seed", "8"]) == 2
+    assert "seed 0 instead of 8" in capsys.readouterr().err
+    (tmp_path / "results.npz").unlink()
+    assert "resume" in refused(capsys, command)
 
 
 def test_jobs_change_nothing(capsys):

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from losnav import scenarios
+from losnav.campaign import is_finished
 from losnav.errors import InvalidInputError
 
 if TYPE_CHECKING:
@@ -36,7 +37,7 @@ def add_commands(commands: Any) -> None:
         description="Run a scenario's Monte Carlo campaign and print its tables.",
         epilog=(
             "With --out the campaign is stored as it goes; after an interrupt or a crash, --resume "
-            "completes it with exactly the results of an uninterrupted one."
+            "completes it with exactly the results of an uninterrupted one. A finished campaign is read back."
         ),
     )
     command.add_argument("name", metavar="NAME", help="see losnav list")
@@ -111,6 +112,9 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.resume and not arguments.out:
         raise InvalidInputError("--resume: expected --out with the folder of the campaign, got none")
     scenario = scenarios.load(arguments.name, **_settings(arguments.name, arguments.settings))
+    read_back = bool(arguments.out) and is_finished(arguments.out)
+    if read_back and not arguments.resume:
+        print(f"losnav: reading the finished campaign in {arguments.out}", file=sys.stderr)
     with _executor(arguments.jobs) as executor:
         result = scenario.run(
             arguments.runs,
@@ -118,7 +122,7 @@ def _run(arguments: argparse.Namespace) -> int:
             executor=executor,
             progress=True,
             out=arguments.out,
-            resume=arguments.resume,
+            resume=arguments.resume or read_back,
         )
     figures = [] if arguments.no_plot or not arguments.out else _draw(result, Path(arguments.out))
     tables = [{"title": table.title, "rows": table.records()} for table in result.tables()]
