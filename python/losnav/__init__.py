@@ -1,5 +1,8 @@
 """Line-of-sight navigation: where am I, how am I oriented, and how well can I know it."""
 
+import importlib
+from typing import TYPE_CHECKING, Any
+
 from losnav import attitude, dynamics, noise, observability, sensors
 from losnav._core import __version__
 from losnav.errors import (
@@ -20,6 +23,12 @@ from losnav.pose import (
     solve_pose_robust,
 )
 
+if TYPE_CHECKING:
+    from losnav import campaign, consistency, scenarios
+
+# Imported when first asked for: solving poses needs none of them.
+_LATER = ("campaign", "consistency", "scenarios")
+
 __all__ = [
     "DegenerateGeometryError",
     "InvalidInputError",
@@ -32,6 +41,8 @@ __all__ = [
     "UnobservableError",
     "__version__",
     "attitude",
+    "campaign",
+    "consistency",
     "dynamics",
     "fisher_information",
     "los_jacobian",
@@ -39,7 +50,18 @@ __all__ = [
     "observability",
     "pose_observability",
     "predict_los",
+    "scenarios",
     "sensors",
     "solve_pose",
     "solve_pose_robust",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _LATER:
+        return importlib.import_module(f"losnav.{name}")
+    raise AttributeError(f"module 'losnav' has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_LATER})
