@@ -200,3 +200,13 @@ def planar_guess(landmarks, los):
     body_from_plane = u @ np.diag([1, 1, np.linalg.det(u @ vt)]) @ vt
     dcm = body_from_plane @ axes
     return centre - dcm.T @ t, dcm
+
+
+def twin_pose_landmarks(first, second, ratios):
+    """Landmarks seen identically from two poses (position, dcm): A1 (L - p1) = mu A2 (L - p2), mu > 0.
+
+    The points ``(A1 - mu A2)^-1 (A1 p1 - mu A2 p2)`` lie on a twisted cubic through both cameras; any four
+    of them, not coplanar, disprove that four landmarks with full rank make a pose unique.
+    """
+    (p1, a1), (p2, a2) = first, second
+    return np.array([np.linalg.solve(a1 - mu * a2, a1 @ p1 - mu * a2 @ p2) for mu in ratios])

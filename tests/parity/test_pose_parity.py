@@ -9,7 +9,7 @@ from scipy.optimize import least_squares
 import losnav as ln
 from tests import strategies as sts
 from tests.conftest import NOISE_FREE_METRES, SAME_COST, SAME_OPTIMUM_IN_SIGMA, SCIPY_OPTIMUM_METRES
-from tests.oracle import attitude, los, multistart, pose, scenario
+from tests.oracle import attitude, los, multistart, observability, pose, scenario
 
 METHODS = st.sampled_from(["lm", "gauss-newton"])
 PARAMETRIZATIONS = st.sampled_from(["rotation", "mrp"])
@@ -198,6 +198,30 @@ def test_mirror_pose_of_a_flipped_sign():
     assert np.allclose(solution.position, position * [1, 1, -1], rtol=0, atol=1e-6)
     mirrored = attitude.dcm_from_mrp(mrp) @ np.diag([-1, -1, 1])
     assert np.allclose(solution.dcm, mirrored, rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_both_of_two_exact_poses_are_listed(seed):
+    """Four landmarks in general position, two poses that fit exactly, both of full rank (E8)."""
+    rng = np.random.default_rng(seed)
+    truth = []
+    for _ in range(2):
+        away = rng.standard_normal(3)
+        position = rng.uniform(3, 8) * away / np.linalg.norm(away)
+        truth.append((position, attitude.dcm_from_mrp(attitude.mrp_inside(rng.standard_normal(3)))))
+    landmarks = pose.twin_pose_landmarks(*truth, ratios=rng.uniform(0.3, 3, 4))
+    measured = los.los_from_dcm(landmarks, *truth[0])
+    assert np.allclose(measured, los.los_from_dcm(landmarks, *truth[1]), rtol=0, atol=1e-9)
+    solution = ln.solve_pose(landmarks, measured, sigma=1e-4)
+    found = [solution, *solution.alternatives]
+    for position, dcm in truth:
+        if observability.rank(landmarks, position, attitude.mrp_from_dcm(dcm), threshold=1e-4) < 6:
+            continue
+        distances = [
+            np.linalg.norm(s.position - position) / np.linalg.norm(position) + np.abs(s.dcm - dcm).max()
+            for s in found
+        ]
+        assert min(distances) < 1e-6
 
 
 @settings(max_examples=20)
