@@ -101,9 +101,16 @@ def test_counts_that_differ():
 def test_duplicate_landmarks():
     landmarks = LANDMARKS.copy()
     landmarks[4] = landmarks[1]
-    for function in (ln.solve_pose, ln.solve_pose_robust):
-        with pytest.raises(InvalidInputError, match=r"landmarks\[4\].*duplicate.*\[1\]"):
-            function(landmarks, LOS, sigma=1e-4)
+    with pytest.raises(InvalidInputError, match=r"landmarks\[4\].*duplicate.*\[1\]"):
+        ln.solve_pose(landmarks, LOS, sigma=1e-4)
+
+
+def test_one_landmark_matched_twice_is_a_mismatch():
+    """The robust solver may be told of two directions to one landmark: it keeps the right one."""
+    landmarks, los = np.vstack([LANDMARKS, LANDMARKS[1]]), np.vstack([LOS, LOS[4]])
+    solution = ln.solve_pose_robust(landmarks, los, sigma=1e-4)
+    assert solution.converged
+    assert solution.inliers.tolist() == [True] * 6 + [False]
 
 
 @pytest.mark.parametrize("factor", [0.0, 0.5, 1.1, 2.0, 1e300, -2.0])

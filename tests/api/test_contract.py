@@ -5,6 +5,7 @@ import inspect
 import pytest
 
 import losnav as ln
+from tests.api.calls import LANDMARKS, LOS
 
 POSITIONAL = {
     "attitude.dcm_from_mrp": ["mrp"],
@@ -84,9 +85,11 @@ def test_options_are_keywords_with_these_defaults(name, defaults):
 
 
 def test_robust_sigma_is_required():
+    """What counts as wrong depends on it: no default can be right."""
     sigma = parameters("solve_pose_robust")["sigma"]
     assert sigma.kind is inspect.Parameter.KEYWORD_ONLY
-    assert sigma.default is inspect.Parameter.empty
+    with pytest.raises((ln.InvalidInputError, TypeError), match="sigma"):
+        ln.solve_pose_robust(LANDMARKS, LOS)
 
 
 @pytest.mark.parametrize("field", SOLUTION_FIELDS)

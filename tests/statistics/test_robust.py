@@ -20,7 +20,8 @@ def scene_with_mismatches(rng, count, ratio):
     wrong = round(ratio * count)
     # Mismatches look like matches: directions to other points of the same scene.
     elsewhere = rng.uniform(-10, 10, (wrong, 3))
-    measured[:wrong] = los.predict_los(elsewhere, position, mrp)
+    if wrong:
+        measured[:wrong] = los.predict_los(elsewhere, position, mrp)
     order = rng.permutation(count)
     return landmarks[order], measured[order], position, mrp, order >= wrong
 
@@ -47,8 +48,7 @@ def test_success_and_consistency(count, ratio):
             normalised.append(nees(error[None], np.linalg.inv(solution.covariance))[0])
     assert successes / runs >= 0.99
     low, high = nees_band(6, len(normalised))
-    # A mismatch that happens to fit within the gate, or a match beyond it, moves the mean a little.
-    assert low - 0.3 < np.mean(normalised) < high + 0.6
+    assert low < np.mean(normalised) < high
 
 
 def test_the_seed_decides():
