@@ -30,7 +30,7 @@ const LOCAL_ITERATIONS: u32 = 12;
 /// Samples this much dearer than the best are optimised too where every triple is tried: few lines of sight make the ranking a lottery.
 const EVERY_MARGIN: f64 = 1.2;
 /// Samples drawn beyond the textbook number, which takes every all-right sample for a success: noise spoils some.
-const SPARE_SAMPLES: f64 = 2.0;
+const SPARE_SAMPLES: f64 = 1.5;
 /// Bound on the samples whatever is asked.
 const SAMPLES_MAX: f64 = 20_000.0;
 /// Distance of attitudes (rad times the root of two) below which a start leads back to the pose it is compared with.

@@ -194,7 +194,9 @@ impl<W: Fn(usize) -> f64> Problem<'_, W> {
             if minima.iter().take(k).any(|m| (m - r).norm_squared() < SAME * SAME) {
                 continue;
             }
-            minima[k] = r;
+            if let Some(slot) = minima.get_mut(k) {
+                *slot = r;
+            }
             let t = space.translation(&r);
             self.offer(found, self.scatter.to_reference(&r, &t));
             let f = flipped(&r, &Vector3::z(), &(t / t.norm()));
@@ -236,14 +238,14 @@ impl Ranked {
                 && (old.pose.position - new.pose.position).norm() < same * range
         };
         let mut kept = 0;
-        for k in 0..self.len.min(MAX_CANDIDATES) {
-            let old = self.items[k];
+        for k in 0..self.len {
+            let Some(old) = self.items.get(k).copied() else { break };
             if near(&old) {
                 if old.cost <= new.cost {
                     return;
                 }
             } else {
-                self.items[kept] = old;
+                self.put(kept, old);
                 kept += 1;
             }
         }
@@ -251,23 +253,24 @@ impl Ranked {
         self.insert_sorted(new);
     }
 
+    fn put(&mut self, k: usize, start: Start) {
+        if let Some(slot) = self.items.get_mut(k) {
+            *slot = start;
+        }
+    }
+
     /// From the back; the dearest falls out of a full list.
     fn insert_sorted(&mut self, new: Start) {
-        if self.len == MAX_CANDIDATES {
-            if self.items[MAX_CANDIDATES - 1].cost <= new.cost {
-                return;
-            }
-            self.len -= 1;
-        }
         let mut k = self.len;
-        while k > 0 && k < MAX_CANDIDATES && self.items[k - 1].cost > new.cost {
-            self.items[k] = self.items[k - 1];
+        while let Some(before) = k.checked_sub(1).and_then(|k| self.items.get(k)).copied() {
+            if before.cost <= new.cost {
+                break;
+            }
+            self.put(k, before);
             k -= 1;
         }
-        if k < MAX_CANDIDATES {
-            self.items[k] = new;
-            self.len += 1;
-        }
+        self.put(k, new);
+        self.len = (self.len + 1).min(MAX_CANDIDATES);
     }
 
     /// The poses worth polishing.

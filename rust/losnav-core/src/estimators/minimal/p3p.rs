@@ -49,8 +49,11 @@ fn solve(landmarks: &[Vector3<f64>; 3], los: &[Vector3<f64>; 3], tolerance: f64)
     };
     let mut ranges = Ranges::new(tolerance);
     triangle.ranges(&mut ranges);
+    let x = &triangle.landmarks;
+    let reference = triad(&(x[2] - x[1]), &(x[0] - x[1]));
+    let centre = (x[0] + x[1] + x[2]) * (1.0 / 3.0);
     for k in 0..ranges.len.min(4) {
-        if let Some(pose) = triangle.pose(&ranges.items[k]) {
+        if let Some(pose) = triangle.pose(&ranges.items[k], &reference, &centre) {
             poses.push(pose);
         }
     }
@@ -206,7 +209,7 @@ impl Triangle {
         let mut f = self.equations(&s);
         let mut worst = f.amax();
         for _ in 0..POLISH_STEPS {
-            if worst <= 2.0 * f64::EPSILON {
+            if worst <= 16.0 * f64::EPSILON {
                 break;
             }
             let (d01, d02, d12) = (2.0 * (s[0] - s[1]), 2.0 * (s[0] - s[2]), 2.0 * (s[1] - s[2]));
@@ -219,7 +222,7 @@ impl Triangle {
                 -t * v * f[0] - q * w * f[1] + q * t * f[2],
                 -r * w * f[0] + p * w * f[1] - p * t * f[2],
                 r * v * f[0] - p * v * f[1] - q * r * f[2],
-            ) / det;
+            ) * (1.0 / det);
             let next = s - step;
             let g = self.equations(&next);
             let residual = g.amax();
@@ -234,14 +237,12 @@ impl Triangle {
 
     /// Step 6: attitude from the triads of the two triangles.
     #[inline]
-    fn pose(&self, s: &Vector3<f64>) -> Option<Pose> {
+    fn pose(&self, s: &Vector3<f64>, reference: &Matrix3<f64>, centre: &Vector3<f64>) -> Option<Pose> {
         let y = [self.los[0] * s[0], self.los[1] * s[1], self.los[2] * s[2]];
         let body = triad(&(y[2] - y[1]), &(y[0] - y[1]));
-        let x = &self.landmarks;
-        let reference = triad(&(x[2] - x[1]), &(x[0] - x[1]));
         let dcm = body * reference.transpose();
         let mean = (y[0] + y[1] + y[2]) * (self.scale / 3.0);
-        let position = (x[0] + x[1] + x[2]) / 3.0 - dcm.tr_mul(&mean);
+        let position = centre - dcm.tr_mul(&mean);
         let sum = position.sum() + dcm.sum();
         sum.is_finite().then_some(Pose { position, dcm })
     }
@@ -249,8 +250,8 @@ impl Triangle {
 
 #[inline]
 fn triad(along: &Vector3<f64>, other: &Vector3<f64>) -> Matrix3<f64> {
-    let x = along / along.norm();
+    let x = along * (1.0 / along.norm());
     let normal = along.cross(other);
-    let z = normal / normal.norm();
+    let z = normal * (1.0 / normal.norm());
     Matrix3::from_columns(&[x, z.cross(&x), z])
 }

@@ -177,14 +177,10 @@ impl ObjectSpace {
             h -= Matrix3::from_diagonal_element(dot);
         }
         let x = c.map(|c| c.cross_matrix());
-        let mut twice = Matrix3::zeros();
-        for (k, i, j) in [(3, 0, 1), (4, 0, 2), (5, 1, 2)] {
-            twice -= x[i] * (self.blocks[k] * x[j]);
-        }
+        let [b00, b11, b22, b01, b02, b12] = &self.blocks;
+        let twice = -(x[0] * (b01 * x[1]) + x[0] * (b02 * x[2]) + x[1] * (b12 * x[2]));
         h += twice + twice.transpose();
-        for k in 0..3 {
-            h -= x[k] * (self.blocks[k] * x[k]);
-        }
+        h -= x[0] * (b00 * x[0]) + x[1] * (b11 * x[1]) + x[2] * (b22 * x[2]);
         (gradient, h)
     }
 }
@@ -241,9 +237,14 @@ fn solve_damped(h: &Matrix3<f64>, g: &Vector3<f64>, damping: f64) -> Option<Vect
 /// A right-handed frame whose third axis is the unit vector `axis`, as columns.
 #[inline]
 pub fn frame_about(axis: &Vector3<f64>) -> Matrix3<f64> {
-    let k = axis.iamin();
-    let mut e = Vector3::zeros();
-    e[k] = 1.0;
+    let [x, y, z] = [axis[0].abs(), axis[1].abs(), axis[2].abs()];
+    let e = if x <= y && x <= z {
+        Vector3::x()
+    } else if y <= z {
+        Vector3::y()
+    } else {
+        Vector3::z()
+    };
     let x = axis.cross(&e);
     let x = x / sqrt(x.norm_squared());
     Matrix3::from_columns(&[x, axis.cross(&x), *axis])
