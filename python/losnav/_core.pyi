@@ -31,6 +31,7 @@ __all__ = [
     "rotation_error",
     "sensor_linearize",
     "solve_pose",
+    "solve_pose_robust",
 ]
 
 __version__: str
@@ -106,6 +107,19 @@ def solve_pose(
     max_iterations: int,
     cost_tolerance: float,
     step_tolerance: float,
+    on_error: str,
+    /,
+) -> PoseSolution: ...
+def solve_pose_robust(
+    landmarks: npt.ArrayLike,
+    los: npt.ArrayLike,
+    sigma: npt.ArrayLike,
+    covariance: npt.ArrayLike | None,
+    max_outlier_ratio: float,
+    confidence: float,
+    inlier_probability: float,
+    seed: int,
+    max_iterations: int,
     on_error: str,
     /,
 ) -> PoseSolution: ...

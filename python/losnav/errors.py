@@ -16,7 +16,8 @@ class LosnavError(Exception):
 
 
 class InvalidInputError(LosnavError, ValueError):
-    """An argument breaks a rule; the message names the argument, the index, the rule and what came instead."""
+    """An argument breaks a rule; the message names the argument, the index, the rule and what came
+    instead."""
 
 
 class DegenerateGeometryError(LosnavError):

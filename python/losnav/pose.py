@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from losnav import _core
-from losnav._arrays import ArrayLike, FloatArray, as_float64, broadcast, matrices, points, vectors
+from losnav._arrays import ArrayLike, FloatArray, broadcast, points, vectors
 from losnav._core import PoseSolution
+from losnav.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from typing import TypeAlias
@@ -126,7 +127,8 @@ def fisher_information(
     *,
     covariance: ArrayLike | None = None,
 ) -> FloatArray:
-    """Fisher information about ``[dp, dalpha]`` (equations 38, 40); its inverse bounds every unbiased estimator.
+    """Fisher information about ``[dp, dalpha]`` (equations 38, 40); its inverse bounds every unbiased
+    estimator.
 
     Parameters
     ----------
@@ -135,8 +137,8 @@ def fisher_information(
     sigma : scalar, (N,) or (..., N)
         1-sigma noise of each direction, rad per axis.
     covariance : (..., N, 3, 3), optional
-        Covariance of each direction in body axes, rad^2, instead of ``sigma``; rank 2 with the null space along
-        the line of sight is welcome (see :mod:`losnav.noise`).
+        Covariance of each direction in body axes, rad^2, instead of ``sigma``; rank 2 with the null space
+        along the line of sight is welcome (see :mod:`losnav.noise`).
 
     Returns
     -------
@@ -154,29 +156,16 @@ def fisher_information(
     >>> import numpy as np, losnav as ln
     >>> ring = [[30.0, 0.0, 0.0], [0.0, 30.0, 0.0], [-30.0, 0.0, 0.0], [0.0, -30.0, 0.0]]
     >>> information = ln.fisher_information(ring, [0.0, 0.0, 500.0], [0.0, 0.0, 0.0], 2e-5)
-    >>> sigma = np.sqrt(np.diag(np.linalg.inv(information)))
-    >>> sigma[2].round(3)  # height: sigma h^2 / (2 r), m
-    0.083
+    >>> deviation = np.sqrt(np.diag(np.linalg.inv(information)))
+    >>> round(float(deviation[2]), 3)  # height, m: sigma h^2 / (2 r) for h much greater than r
+    0.084
     """
-    shape, (flat, p, s) = _observers(landmarks, position, mrp)
-    predicted = np.asarray(_core.predict_los(flat, p, s))
-    pose = np.concatenate([p, s], axis=-1)
-    noise = as_float64(sigma, "sigma")
-    if covariance is not None:
-        noise, full = np.asarray(1.0), matrices(covariance, "covariance")
-    else:
-        full = None
-    lead = noise.shape[:-1] if full is None else full.shape[:-3]
-    if np.broadcast_shapes(shape, lead) != shape:
-        return fisher_information(
-            landmarks, np.broadcast_to(position, (*lead, 3)), mrp, sigma, covariance=covariance
-        )
-    if noise.ndim > 1:
-        noise = np.broadcast_to(noise, (*shape, noise.shape[-1])).reshape(-1, noise.shape[-1])
-    if full is not None and full.ndim > 3:
-        full = np.broadcast_to(full, (*shape, *full.shape[-3:])).reshape(-1, *full.shape[-3:])
-    information = np.asarray(_core.fisher_information(flat, predicted, noise, full, pose))
-    return information.reshape((*shape, 6, 6))
+    shape, (marks, p, s) = _observers(landmarks, position, mrp)
+    n = marks.shape[-2]
+    predicted = _core.predict_los(marks, p, s).reshape((*shape, n, 3))
+    pose = np.concatenate([p, s], axis=-1).reshape((*shape, 6))
+    marks = marks[0] if np.ndim(landmarks) == 2 else marks.reshape((*shape, n, 3))
+    return _core.fisher_information(marks, predicted, sigma, covariance, pose)
 
 
 def solve_pose(
@@ -208,13 +197,14 @@ def solve_pose(
     los : (..., N, 3)
         Measured unit vectors in body (camera) axes; norms off by up to 0.01 are normalised.
     sigma : scalar, (N,) or (..., N)
-        1-sigma noise of each direction, rad per axis. With the default the estimate is the same but covariance
-        and chi2 are in units of an unknown noise.
+        1-sigma noise of each direction, rad per axis. With the default the estimate is the same but
+        covariance and chi2 are in units of an unknown noise.
     covariance : (..., N, 3, 3), optional
-        Covariance of each direction in body axes, rad^2, instead of ``sigma``; rank 2 with the null space along
-        the line of sight is welcome (see :mod:`losnav.noise`).
+        Covariance of each direction in body axes, rad^2, instead of ``sigma``; rank 2 with the null space
+        along the line of sight is welcome (see :mod:`losnav.noise`).
     guess : (..., 6), optional
-        Start ``[p, mrp]``. Without it all minimal-solver candidates are polished and ranked, so no start is needed.
+        Start ``[p, mrp]``. Without it all minimal-solver candidates are polished and ranked, so no start is
+        needed.
     method : {"lm", "gauss-newton"}
         Levenberg-Marquardt with gain ratio, or Gauss-Newton (the paper's GLSDC).
     parametrization : {"rotation", "mrp"}
@@ -250,7 +240,7 @@ def solve_pose(
     >>> landmarks = [[32.5, 0, 0], [0, 30, 0], [-31.5, 0, 0], [0, -30.5, 0]]
     >>> los = ln.predict_los(landmarks, [-50, 50, 500], [0.09, -0.04, 0.03])
     >>> solution = ln.solve_pose(landmarks, los, sigma=2e-5)
-    >>> solution.position.round(6), bool(solution.converged)
+    >>> solution.position.round(6), solution.converged
     (array([-50.,  50., 500.]), True)
     """
     return _core.solve_pose(
@@ -286,18 +276,20 @@ def solve_pose_robust(
 ) -> PoseSolution:
     """Position and attitude when some of the directions belong to other landmarks.
 
-    Locally optimised RANSAC: minimal samples (P3P) scored by the truncated cost ``sum min(r^2, g^2)`` (MSAC), the
-    promising ones optimised on their inliers, the last optimisation guess-free on the inliers of the best. Without
-    a guess, and the same for the same seed whatever the machine's cores.
+    Locally optimised RANSAC: minimal samples (P3P) scored by the truncated cost ``sum min(r^2, g^2)``
+    (MSAC), the promising ones optimised on their inliers, the last optimisation guess-free on the inliers of
+    the best. Without a guess, and the same for the same seed whatever the machine's cores.
 
     Parameters
     ----------
     landmarks : (N, 3) or (..., N, 3)
-        Landmarks in the reference frame, m. A landmark may appear twice: at most one of its directions is right.
+        Landmarks in the reference frame, m. A landmark may appear twice: at most one of its directions is
+        right.
     los : (..., N, 3)
         Unit vectors in body (camera) axes, right or wrong.
     sigma : scalar, (N,) or (..., N)
-        1-sigma noise of the right directions, rad per axis. It decides what counts as wrong: give the true one.
+        1-sigma noise of the right directions, rad per axis. It decides what counts as wrong: give the true
+        one.
     covariance : (..., N, 3, 3), optional
         Covariance of each direction in body axes, rad^2, instead of ``sigma``.
     max_outlier_ratio : float
@@ -316,8 +308,8 @@ def solve_pose_robust(
     Returns
     -------
     PoseSolution
-        ``inliers (..., N)`` says which directions were kept; covariance, chi2 and dof are those of the kept ones.
-        ``converged`` also asks that no more directions were dropped than ``max_outlier_ratio`` allows.
+        ``inliers (..., N)`` says which directions were kept; covariance, chi2 and dof are those of the kept
+        ones. ``converged`` also asks that no more directions were dropped than ``max_outlier_ratio`` allows.
 
     Raises
     ------
@@ -332,8 +324,8 @@ def solve_pose_robust(
     >>> los = ln.predict_los(landmarks, [0, 0, 300], [0.1, 0.2, 0.3])
     >>> los[:12] = los[11::-1]  # twelve mismatches
     >>> solution = ln.solve_pose_robust(landmarks, los, sigma=1e-4)
-    >>> solution.inliers.sum(), bool(solution.converged)
-    (np.int64(18), True)
+    >>> int(solution.inliers.sum()), solution.converged
+    (18, True)
     """
     return _core.solve_pose_robust(
         landmarks,
@@ -360,8 +352,9 @@ def describe(solution: PoseSolution) -> str:
         f"{x:.6f} ± {s:.2g}°" for x, s in zip(solution.mrp, np.degrees(deviation[3:]), strict=True)
     )
     return (
-        f"PoseSolution(position=[{position}] m, mrp=[{attitude}], chi2={solution.chi2:.4g} for {solution.dof} dof, "
-        f"{solution.iterations} iterations, {Termination(solution.termination).name}, converged={solution.converged})"
+        f"PoseSolution(position=[{position}] m, mrp=[{attitude}], "
+        f"chi2={solution.chi2:.4g} for {solution.dof} dof, {solution.iterations} iterations, "
+        f"{Termination(solution.termination).name}, converged={solution.converged})"
     )
 
 
@@ -380,7 +373,7 @@ def _observers(
     if hit.any():
         problem, index = (int(i) for i in np.argwhere(hit)[0])
         where = f" (problem {problem} of the batch)" if shape else ""
-        from losnav.errors import InvalidInputError
-
-        raise InvalidInputError(f"position: stands on landmarks[{index}], whose direction is undefined{where}")
+        raise InvalidInputError(
+            f"position: stands on landmarks[{index}], whose direction is undefined{where}"
+        )
     return shape, (marks, p, s)
