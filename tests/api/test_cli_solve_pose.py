@@ -187,6 +187,12 @@ def test_not_converged_is_exit_code_one(capsys, tmp_path):
     assert "NOT CONVERGED" in capsys.readouterr().out
 
 
+def test_absurd_guess_is_no_traceback(capsys, tmp_path, landmarks_csv, los):
+    observations = write(tmp_path / "o.csv", numbered(los))
+    report = solved(capsys, [landmarks_csv, observations, "--guess=1e300,0,0,0,0,0"], code=1)
+    assert report["converged"] is False
+
+
 def test_undistortion_refuses_pixels_beyond_the_fold():
     camera = Camera((1000.0, 1000.0), distortion=(-0.3, 0.0))
     inside = Observations(("a",), np.array([[500.0, 200.0]]), ("o.csv:1",))

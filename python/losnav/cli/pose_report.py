@@ -104,7 +104,9 @@ def report_text(facts: dict[str, Any]) -> str:
 def _geometry(problem: Problem, solution: ln.PoseSolution, inliers: NDArray[np.bool_]) -> dict[str, Any]:
     """What the places of camera and landmarks allow to be known."""
     if np.isfinite(solution.position).all():
-        seen = solution.observability
+        # A pose that ran off to 1e300 m is judged too; its overflows are no news to a reader.
+        with np.errstate(all="ignore"):
+            seen = solution.observability
     else:
         # No pose to judge; what is lost from a place in general position is lost everywhere.
         marks = np.unique(problem.landmarks[inliers], axis=0)
