@@ -16,6 +16,7 @@ __all__ = [
     "dcm_from_quaternion",
     "dynamics_process_noise",
     "dynamics_propagate",
+    "dynamics_single",
     "dynamics_trajectory",
     "dynamics_transition",
     "fisher_information",
@@ -30,6 +31,7 @@ __all__ = [
     "quaternion_from_mrp",
     "rotation_error",
     "sensor_linearize",
+    "sensor_single",
     "solve_pose",
     "solve_pose_robust",
 ]
@@ -54,6 +56,15 @@ def rotation_error(dcm_true: npt.ArrayLike, dcm_estimate: npt.ArrayLike, /) -> _
 
 # models
 
+def dynamics_single(
+    name: str,
+    parameters: Sequence[float],
+    question: int,
+    state: npt.ArrayLike,
+    control: npt.ArrayLike | None,
+    dt: npt.ArrayLike,
+    /,
+) -> _Floats | None: ...
 def dynamics_propagate(
     name: str, parameters: Sequence[float], state: _Floats, control: _Floats, dt: _Floats, /
 ) -> _Floats: ...
@@ -66,6 +77,9 @@ def dynamics_process_noise(
 def dynamics_trajectory(
     name: str, parameters: Sequence[float], state: _Floats, control: _Floats, dt: _Floats, /
 ) -> _Floats: ...
+def sensor_single(
+    name: str, parameters: tuple[_Floats, ...], state: npt.ArrayLike, dcm: npt.ArrayLike, /
+) -> tuple[_Floats, _Floats] | None: ...
 def sensor_linearize(
     name: str, parameters: tuple[_Floats, ...], position: _Floats, velocity: _Floats, dcm: _Floats, /
 ) -> tuple[_Floats, _Floats]: ...

@@ -7,7 +7,7 @@ same signatures can stand in its place. States, time steps and controls broadcas
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -46,7 +46,7 @@ class _Listed:
         InvalidInputError
             On wrong shapes, NaN or infinity.
         """
-        return self._ask(_core.dynamics_propagate, 1, state, dt, control)
+        return self._ask(_core.dynamics_propagate, 0, state, dt, control)
 
     def transition(self, state: ArrayLike, dt: ArrayLike, control: ArrayLike | None = None) -> FloatArray:
         """State transition matrix ``Phi``, the derivative of :meth:`propagate` with respect to the state.
@@ -66,7 +66,7 @@ class _Listed:
         InvalidInputError
             On wrong shapes, NaN or infinity.
         """
-        return self._ask(_core.dynamics_transition, 2, state, dt, control)
+        return self._ask(_core.dynamics_transition, 1, state, dt, control)
 
     def process_noise(self, state: ArrayLike, dt: ArrayLike) -> FloatArray:
         """Covariance ``Q`` that the disturbing acceleration adds over ``|dt|``.
@@ -135,17 +135,21 @@ class _Listed:
     def _ask(
         self,
         question: Callable[[str, Sequence[float], FloatArray, FloatArray, FloatArray], FloatArray],
-        core: int,
+        number: int,
         state: ArrayLike,
         dt: ArrayLike,
         control: ArrayLike | None,
     ) -> FloatArray:
+        name, parameters = type(self).__name__, self._parameters()
+        single = _core.dynamics_single(name, parameters, number, state, control, dt)
+        if single is not None:
+            return single
         x, step = vectors(state, "state", self.state_size), finite(dt, "dt")
         u = np.zeros(3) if control is None else vectors(control, "control")
         shape, (x, step, u) = broadcast(("state", x, 1), ("dt", step, 0), ("control", u, 1))
-        answer = question(type(self).__name__, self._parameters(), x, u, step)
+        answer = question(name, parameters, x, u, step)
         in_range(answer, "state, dt or control")
-        return np.asarray(answer).reshape((*shape, *(core * (self.state_size,))))
+        return np.asarray(answer).reshape((*shape, *((2 if number else 1) * (self.state_size,))))
 
 
 @dataclass(frozen=True)
@@ -195,4 +199,4 @@ class ClohessyWiltshire(_Listed):
             object.__setattr__(self, name, float(value))
 
     def _parameters(self) -> list[float]:
-        return list(astuple(self))
+        return [self.mean_motion, self.acceleration_psd]

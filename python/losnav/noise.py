@@ -197,7 +197,7 @@ def landmark_uncertainty(
             f"los_body, dcm, landmark_covariance: leading dimensions of {shapes} do not broadcast"
         ) from error
     # Symmetric to the last bit, as a covariance should be.
-    return in_range(0.5 * (added + np.swapaxes(added, -1, -2)), "landmark_covariance or ranges")
+    return in_range(0.5 * added + 0.5 * np.swapaxes(added, -1, -2), "landmark_covariance or ranges")
 
 
 def _count(n: int) -> int:

@@ -233,6 +233,11 @@ class LineOfSight:
         self, state: Any, dcm: ArrayLike | None, landmarks: ArrayLike | None
     ) -> tuple[FloatArray, FloatArray]:
         marks = self._landmarks(landmarks)
+        if dcm is not None and marks.ndim == 2 and not isinstance(state, tuple):
+            single = _core.sensor_single(type(self).__name__, (marks,), state, dcm)
+            if single is not None:
+                predicted, jacobian = single
+                return predicted, jacobian[:, : np.shape(state)[-1]]
         x = _observer(state, dcm)
         named = (("position", x.position, 1), ("velocity", x.velocity, 1), ("dcm", x.dcm, 2))
         if marks.ndim == 2:

@@ -8,6 +8,11 @@ pub enum ModelError {
         /// Which landmark.
         index: usize,
     },
+    /// The square of the range is beyond the largest number.
+    RangeOverflow {
+        /// Which landmark.
+        index: usize,
+    },
     /// The landmark is not in front of the camera (`z ≤ 0` in camera axes).
     BehindCamera {
         /// Which landmark.
@@ -19,6 +24,7 @@ impl core::fmt::Display for ModelError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         match self {
             Self::ZeroRange { index } => write!(f, "landmark {index} coincides with the observer"),
+            Self::RangeOverflow { index } => write!(f, "landmark {index} is too far away for its range"),
             Self::BehindCamera { index } => write!(f, "landmark {index} is behind the camera"),
         }
     }

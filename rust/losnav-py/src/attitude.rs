@@ -70,6 +70,11 @@ fn rotation(row: &[f64; 9]) -> Checked<Mat3<f64>> {
     if determinant > 0.0 { Ok(m) } else { Err(Broken::Reflection) }
 }
 
+/// Is it finite, orthonormal within tolerance, and no reflection?
+pub fn is_rotation(row: &[f64; 9]) -> bool {
+    rotation(row).is_ok()
+}
+
 fn flat(m: &Mat3<f64>) -> [f64; 9] {
     let [[a, b, c], [d, e, f], [g, h, i]] = *m;
     [a, b, c, d, e, f, g, h, i]

@@ -4,7 +4,7 @@ use losnav_core::models::dynamics::{ClohessyWiltshire, DynamicsModel};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
-use crate::convert::{self, Floats};
+use crate::convert::{self, Floats, ScalarOrArray};
 use crate::errors::{choice_error, shape_error};
 
 /// Below this many numbers in the result threads cost more than they save.
@@ -165,6 +165,52 @@ fn ask<'py>(
         (Floats::new(state, "state")?, Floats::new(control, "control")?, Floats::new(dt, "dt")?);
     let batch = Batch { states: state.data(), controls: control.data().as_chunks::<3>().0, steps: dt.data() };
     with_model(py, name, parameters, &Ask(batch, question))
+}
+
+/// `x'` (question 0), `Φ` (1) or `Q` (2) of one state, or nothing if an argument is not a single finite one: the
+/// caller then checks and broadcasts.
+#[pyfunction]
+#[pyo3(signature = (name, parameters, question, state, control, dt, /))]
+pub fn dynamics_single<'py>(
+    py: Python<'py>,
+    name: &str,
+    parameters: Vec<f64>,
+    question: u8,
+    state: &Bound<'py, PyAny>,
+    control: Option<&Bound<'py, PyAny>>,
+    dt: &Bound<'py, PyAny>,
+) -> PyResult<Option<Bound<'py, PyAny>>> {
+    let state = Floats::new(state, "state")?;
+    let control = control.map(|value| Floats::new(value, "control")).transpose()?;
+    let ScalarOrArray::Scalar(dt) = ScalarOrArray::new(dt, "dt")? else { return Ok(None) };
+    let control = match &control {
+        None => [0.0; 3],
+        Some(array) => match (array.shape(), array.data()) {
+            ([3], &[x, y, z]) => [x, y, z],
+            _ => return Ok(None),
+        },
+    };
+    let question = [Question::State, Question::Transition, Question::Noise][usize::from(question.min(2))];
+    macro_rules! choose {
+        ($($listed:ident: $n:literal),* $(,)?) => {
+            $(if name == <$listed as DynamicsModel<f64, $n>>::NAME {
+                let model = $listed::from_parameters(&parameters);
+                let (Some(model), true, Some(x)) = (model, state.shape() == [$n], state.data().first_chunk::<$n>())
+                else {
+                    return Ok(None);
+                };
+                let batch = Batch { states: x, controls: &[control], steps: &[dt] };
+                let (data, shape) = batch.answer::<$listed, $n>(&model, question)?;
+                let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
+                if !(finite(x) && finite(&control) && dt.is_finite() && finite(&data)) {
+                    return Ok(None);
+                }
+                return convert::array(py, &shape[1..], data).map(Some);
+            })*
+        };
+    }
+    losnav_core::dynamics! { choose }
+    Err(choice_error("dynamics", "the listed models", name))
 }
 
 /// `(B, N)` states after the steps.

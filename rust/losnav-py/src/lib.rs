@@ -29,7 +29,7 @@ mod _core {
     };
     #[pymodule_export]
     use crate::dynamics::{
-        dynamics_process_noise, dynamics_propagate, dynamics_trajectory, dynamics_transition,
+        dynamics_process_noise, dynamics_propagate, dynamics_single, dynamics_trajectory, dynamics_transition,
     };
     #[pymodule_export]
     use crate::los::{fisher_information, los_jacobian, predict_los};
@@ -40,7 +40,7 @@ mod _core {
     #[pymodule_export]
     use crate::robust::solve_pose_robust;
     #[pymodule_export]
-    use crate::sensors::sensor_linearize;
+    use crate::sensors::{sensor_linearize, sensor_single};
     #[pymodule_export]
     use crate::solution::PoseSolution;
 

@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use rayon::prelude::*;
 
+use crate::attitude::is_rotation;
 use crate::convert::{self, Floats};
 use crate::errors::{InvalidInputError, choice_error, shape_error};
 
@@ -120,6 +121,51 @@ fn linearize<S: Parameters>(
         pairs.with_min_len(16).enumerate().try_for_each(one)?;
     }
     Ok(Rows { count: rows, predicted, jacobian })
+}
+
+/// `(M,)` prediction and `(M, 9)` Jacobian of one state `[r]` or `[r v]` and its attitude, or nothing if they are not
+/// single, finite and a rotation: the caller then checks and broadcasts.
+#[pyfunction]
+#[pyo3(signature = (name, parameters, state, dcm, /))]
+pub fn sensor_single<'py>(
+    py: Python<'py>,
+    name: &str,
+    parameters: &Bound<'py, PyTuple>,
+    state: &Bound<'py, PyAny>,
+    dcm: &Bound<'py, PyAny>,
+) -> PyResult<Option<(Bound<'py, PyAny>, Bound<'py, PyAny>)>> {
+    let (state, dcm) = (Floats::new(state, "state")?, Floats::new(dcm, "dcm")?);
+    let (position, velocity) = match (state.shape(), state.data()) {
+        ([3], &[x, y, z]) => ([x, y, z], [0.0; 3]),
+        ([6], &[x, y, z, u, v, w]) => ([x, y, z], [u, v, w]),
+        _ => return Ok(None),
+    };
+    let (true, Some(attitude)) = (dcm.shape() == [3, 3], dcm.data().first_chunk::<9>()) else {
+        return Ok(None);
+    };
+    if !state.data().iter().all(|v| v.is_finite()) || !is_rotation(attitude) {
+        return Ok(None);
+    }
+    let arrays: Vec<Floats<'_>> =
+        parameters.iter().map(|p| Floats::new(&p, "parameters")).collect::<PyResult<_>>()?;
+    let parameters: Vec<Parameter<'_>> =
+        arrays.iter().map(|a| Parameter { data: a.data(), size: a.data().len() }).collect();
+    let observers = Observers { positions: &[position], velocities: &[velocity], attitudes: &[*attitude] };
+    macro_rules! choose {
+        ($($listed:ident),* $(,)?) => {
+            $(if name == <$listed<f64> as SensorModel<f64>>::NAME {
+                let rows = linearize::<$listed<f64>>(&parameters, &observers);
+                let rows = rows.map_err(|(k, error)| undefined(k, 1, error))?;
+                if !rows.jacobian.iter().all(|v| v.is_finite()) {
+                    return Ok(None);
+                }
+                let predicted = convert::array(py, &[rows.count], rows.predicted)?;
+                return Ok(Some((predicted, convert::array(py, &[rows.count, COLUMNS], rows.jacobian)?)));
+            })*
+        };
+    }
+    losnav_core::sensors! { choose }
+    Err(choice_error("sensor", "the listed sensors", name))
 }
 
 /// `(B, M)` predicted measurements and `(B, M, 9)` Jacobians, columns `[δp, δv, δα]`.

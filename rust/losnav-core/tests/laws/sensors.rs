@@ -127,6 +127,15 @@ fn an_observer_on_a_landmark_is_an_error() {
 }
 
 #[test]
+fn a_landmark_beyond_numbers_is_an_error() {
+    let landmarks = [[1.0, 0.0, 0.0], [1e200, 0.0, 0.0]];
+    let sensor = LineOfSight { landmarks: &landmarks, los: &[[0.0; 3]; 2], weights: &[Weight::Scalar(1.0)] };
+    let mut rows = [Row::zero(); 6];
+    let outcome = sensor.linearize(&observer(), &mut Recorder::new(&mut rows));
+    assert_eq!(outcome, Err(ModelError::RangeOverflow { index: 1 }));
+}
+
+#[test]
 fn a_recorder_without_room_counts_and_drops() {
     let landmarks = [[1.0, 0.0, 0.0], [0.0, 2.0, 0.0]];
     let sensor = LineOfSight { landmarks: &landmarks, los: &[[0.0; 3]; 2], weights: &[Weight::Scalar(1.0)] };

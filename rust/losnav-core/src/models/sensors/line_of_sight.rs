@@ -59,6 +59,9 @@ impl<T: Real> SensorModel<T> for LineOfSight<'_, T> {
             if block.inverse_range.is_finite().not().any() {
                 return Err(ModelError::ZeroRange { index });
             }
+            if block.inverse_range.le(T::zero()).any() {
+                return Err(ModelError::RangeOverflow { index });
+            }
             sink.add_direction(&block, &x.dcm);
         }
         Ok(())
