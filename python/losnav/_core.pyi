@@ -138,19 +138,6 @@ def solve_pose_robust(
     /,
 ) -> PoseSolution: ...
 
-def solve_pose_robust(
-    landmarks: npt.ArrayLike,
-    los: npt.ArrayLike,
-    sigma: npt.ArrayLike,
-    covariance: npt.ArrayLike | None,
-    max_outlier_ratio: float,
-    confidence: float,
-    inlier_probability: float,
-    seed: int,
-    max_iterations: int,
-    on_error: str,
-    /,
-) -> PoseSolution: ...
 @final
 class PoseSolution:
     """What a pose solve returns: every field has the shape of the batch."""
