@@ -3,7 +3,7 @@
 //! 1. A whitened row joins by six Givens rotations. Nothing is squared, so singular values are good to the rounding
 //!    of the largest, where those of `HᵀWH` stop at its square root.
 //! 2. Singular values by one-sided Jacobi: turn pairs of columns of `R V` until all are perpendicular; their norms
-//!    are the values, `V` holds the vectors. At most [`SWEEPS`] sweeps; in practice five to eight.
+//!    are the values, `V` holds the vectors. At most `SWEEPS` sweeps; in practice five to eight.
 use super::real::Real;
 
 /// Least ratio of the smallest to the largest scaled singular value of a full-rank problem.
