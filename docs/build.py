@@ -50,7 +50,9 @@ def page(result) -> str:
     notes = [NOTE.format(**cells(claim)) for claim in claims]
     table = ["| | verdict | claim | printed | ours |", "|---|---|---|---|---|", *rows]
     figures = [f"![{name}](../images/{name}.png)" for name in FIGURES]
-    return "\n".join([head, *table, "", "## Why", "", "\n\n".join(notes), "", "## Figures", "", "\n\n".join(figures), ""])
+    return "\n".join(
+        [head, *table, "", "## Why", "", "\n\n".join(notes), "", "## Figures", "", "\n\n".join(figures), ""]
+    )
 
 
 def cells(claim: verdicts.Claim) -> dict[str, str]:
