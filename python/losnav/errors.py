@@ -16,8 +16,7 @@ class LosnavError(Exception):
 
 
 class InvalidInputError(LosnavError, ValueError):
-    """An argument breaks a rule; the message names the argument, the index, the rule and what came
-    instead."""
+    """An argument breaks a rule; the message names argument, index and rule, and what came instead."""
 
 
 class DegenerateGeometryError(LosnavError):

@@ -265,7 +265,7 @@ def solve_pose_robust(
     landmarks: ArrayLike,
     los: ArrayLike,
     *,
-    sigma: ArrayLike = 1.0,
+    sigma: ArrayLike,
     covariance: ArrayLike | None = None,
     max_outlier_ratio: float = 0.6,
     confidence: float = 0.9999,

@@ -58,3 +58,9 @@ pub fn shape_error(argument: &str, expected: &str, got: &[usize]) -> PyErr {
 pub fn choice_error(argument: &str, expected: &str, got: &str) -> PyErr {
     InvalidInputError::new_err(format!("{argument}: expected one of {expected}, got {got:?}"))
 }
+
+/// An option of the wrong type or range.
+pub fn option_error(argument: &str, expected: &str, got: &Bound<'_, PyAny>) -> PyErr {
+    let got = got.repr().map_or_else(|_| String::from("something unprintable"), |text| text.to_string());
+    InvalidInputError::new_err(format!("{argument}: expected {expected}, got {got}"))
+}

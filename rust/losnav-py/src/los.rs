@@ -1,10 +1,11 @@
 //! Predicted directions, their Jacobian and the Fisher information. Arguments come checked from `losnav.pose`:
 //! `(B, N, 3)` or `(1, N, 3)` landmarks, `(B, 3)` positions and MRPs.
 use losnav_core::analysis::fisher;
+use losnav_core::math::rotation::mrp_inside;
 use losnav_core::math::so3::quaternion_from_mrp;
 use losnav_core::math::so3::rotation_from_mrp_rate;
 use losnav_core::math::vec3::rotate_transposed;
-use losnav_core::math::vec3::{Vec3, mul, skew};
+use losnav_core::math::vec3::{Vec3, dot, mul, skew};
 use losnav_core::models::kinematics::Kinematics;
 use losnav_core::models::linearization::{Direction, Weight};
 use losnav_core::models::sensors::LineOfSight;
@@ -16,6 +17,8 @@ use crate::convert::{self, Floats};
 use crate::errors::shape_error;
 use crate::inputs::{Arguments, Repeats, Scratch};
 
+/// `σ²` beyond which the attitude no longer moves with its MRP: `4/σ²` is 4e-150.
+const MRP_FLAT: f64 = 1e150;
 /// Below this many landmarks in all, threads cost more than they save.
 const SERIAL: usize = 4096;
 
@@ -45,7 +48,7 @@ impl<'a> Batch<'a> {
     }
 
     fn observer(&self, k: usize) -> Kinematics<f64> {
-        Kinematics::at_rest(self.positions[k], quaternion_from_mrp(self.mrps[k]))
+        Kinematics::at_rest(self.positions[k], quaternion_from_mrp(mrp_inside(self.mrps[k])))
     }
 
     /// Fills `M` numbers for each landmark of each pose.
@@ -106,7 +109,9 @@ pub fn los_jacobian<'py>(
 fn jacobian_rows(x: &Kinematics<f64>, mrp: Vec3<f64>, landmark: Vec3<f64>) -> [f64; 18] {
     let block: Direction<f64> = direction(x, landmark, [0.0; 3], Weight::Scalar(1.0));
     let body = block.d_body_position();
-    let attitude = mul(&skew(block.predicted), &rotation_from_mrp_rate(mrp));
+    // Its entries fall like 4/σ²: below the smallest number long before σ⁴ overflows.
+    let factor = if dot(mrp, mrp) < MRP_FLAT { rotation_from_mrp_rate(mrp) } else { [[0.0; 3]; 3] };
+    let attitude = mul(&skew(block.predicted), &factor);
     let mut out = [0.0; 18];
     for i in 0..3 {
         let position = rotate_transposed(&x.dcm, body[i]);
@@ -135,7 +140,7 @@ pub fn fisher_information<'py>(
         let at = if problems.single { None } else { Some(k) };
         let problem = problems.get(k, &mut scratch).map_err(|bad| bad.into_py(at))?;
         let [x, y, z, a, b, c] = problem.guess.unwrap_or_default();
-        let observer = Kinematics::at_rest([x, y, z], quaternion_from_mrp([a, b, c]));
+        let observer = Kinematics::at_rest([x, y, z], quaternion_from_mrp(mrp_inside([a, b, c])));
         let sensor = LineOfSight { landmarks: problem.landmarks, los: problem.los, weights: problem.weights };
         let information = fisher::information(&sensor, &observer);
         data.extend((0..36).map(|e| information.at(e / 6, e % 6)));

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 
 use crate::batch::{ManyPoses, ManyStarts, OnePose};
 use crate::dispatch;
-use crate::errors::{BadValue, InvalidInputError, choice_error};
+use crate::errors::{BadValue, InvalidInputError, choice_error, option_error};
 use crate::inputs::{Arguments, Problem, Problems, Repeats, Scratch};
 use crate::solution::{Landmarks, PoseSolution, Record};
 
@@ -61,11 +61,11 @@ pub fn solve_pose(
     method: &str,
     parametrization: &str,
     loss: &str,
-    loss_scale: Option<f64>,
-    damping: f64,
-    max_iterations: u32,
-    cost_tolerance: f64,
-    step_tolerance: f64,
+    loss_scale: Option<&Bound<'_, PyAny>>,
+    damping: &Bound<'_, PyAny>,
+    max_iterations: &Bound<'_, PyAny>,
+    cost_tolerance: &Bound<'_, PyAny>,
+    step_tolerance: &Bound<'_, PyAny>,
     on_error: &str,
 ) -> PyResult<PoseSolution> {
     let settings = Settings {
@@ -73,7 +73,7 @@ pub fn solve_pose(
             method: parse_method(method)?,
             parametrization: parse_parametrization(parametrization)?,
             damping: non_negative("damping", damping)?,
-            max_iterations,
+            max_iterations: whole("max_iterations", max_iterations)?,
             cost_tolerance: non_negative("cost_tolerance", cost_tolerance)?,
             step_tolerance: non_negative("step_tolerance", step_tolerance)?,
         },
@@ -209,7 +209,7 @@ fn solve_guess_free<L: Loss>(loss: L, problem: &Problem<'_>, settings: &Settings
     let weight = |index: usize| problem.scalar_weight(index);
     let dof = degrees_of_freedom(problem.los.len());
     let total = (0..problem.los.len()).map(weight).sum();
-    let options = &settings.options;
+    let options = &guess_free_options(&settings.options);
     let found = candidates(problem.landmarks, problem.los, weight);
     let starts: Vec<PoseState<f64>> = found.iter().map(start_from).collect();
     let mut outcomes = polish(loss, problem, options, &starts);
@@ -222,6 +222,15 @@ fn solve_guess_free<L: Loss>(loss: L, problem: &Problem<'_>, settings: &Settings
     let mut records = outcomes.iter().take(kept.max(1)).map(|outcome| record(loss, problem, outcome));
     let best = records.next().unwrap_or_else(|| Record::undetermined(problem.los.len()));
     Solved { best, others: records.collect() }
+}
+
+/// From a start that may be far off, steps damped about the middle of the scene arrive where others creep.
+fn guess_free_options(options: &Options) -> Options {
+    let parametrization = match options.parametrization {
+        Parametrization::Rotation => Parametrization::Orbit,
+        other => other,
+    };
+    Options { parametrization, ..*options }
 }
 
 fn polish<L: Loss>(
@@ -308,7 +317,7 @@ fn parse_parametrization(text: &str) -> PyResult<Parametrization> {
 
 /// The default scales give 95 % efficiency on Gaussian residuals of two components (Holland & Welsch 1977 for the
 /// scalar constants).
-fn parse_loss(text: &str, scale: Option<f64>) -> PyResult<Option<Robust>> {
+fn parse_loss(text: &str, scale: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Robust>> {
     let (kind, default) = match text {
         "squared" => return Ok(None),
         "huber" => (RobustKind::Huber, 1.345),
@@ -323,7 +332,7 @@ fn parse_loss(text: &str, scale: Option<f64>) -> PyResult<Option<Robust>> {
             ));
         }
     };
-    let scale = scale.unwrap_or(default);
+    let scale = scale.map_or(Ok(default), |value| number("loss_scale", "a positive finite number", value))?;
     if scale > 0.0 && scale.is_finite() {
         Ok(Some(Robust { kind, scale }))
     } else {
@@ -341,10 +350,22 @@ pub fn parse_on_error(text: &str) -> PyResult<bool> {
 }
 
 /// A tolerance or a damping.
-pub fn non_negative(argument: &str, value: f64) -> PyResult<f64> {
-    if value >= 0.0 && value.is_finite() {
-        Ok(value)
+fn non_negative(argument: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
+    const EXPECTED: &str = "a finite number >= 0";
+    let number = number(argument, EXPECTED, value)?;
+    if number >= 0.0 && number.is_finite() {
+        Ok(number)
     } else {
-        Err(InvalidInputError::new_err(format!("{argument}: expected a finite number >= 0, got {value}")))
+        Err(option_error(argument, EXPECTED, value))
     }
+}
+
+/// A real number of an option.
+pub fn number(argument: &str, expected: &str, value: &Bound<'_, PyAny>) -> PyResult<f64> {
+    value.extract().map_err(|_| option_error(argument, expected, value))
+}
+
+/// A count or a seed.
+pub fn whole<'py, T: FromPyObjectOwned<'py>>(argument: &str, value: &Bound<'py, PyAny>) -> PyResult<T> {
+    value.extract().map_err(|_| option_error(argument, "an integer >= 0", value))
 }

@@ -7,9 +7,9 @@ use losnav_core::models::sensors::LineOfSight;
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
-use crate::errors::{BadValue, InvalidInputError};
+use crate::errors::{BadValue, option_error};
 use crate::inputs::{Arguments, Problem, Problems, Repeats, Scratch};
-use crate::pose::{kept_landmarks, parse_on_error};
+use crate::pose::{kept_landmarks, number, parse_on_error, whole};
 use crate::solution::{PoseSolution, Record};
 
 /// Spreads the seeds of a batch: 2⁶⁴ over the golden ratio.
@@ -25,18 +25,18 @@ pub fn solve_pose_robust(
     los: &Bound<'_, PyAny>,
     sigma: &Bound<'_, PyAny>,
     covariance: Option<&Bound<'_, PyAny>>,
-    max_outlier_ratio: f64,
-    confidence: f64,
-    inlier_probability: f64,
-    seed: u64,
-    max_iterations: u32,
+    max_outlier_ratio: &Bound<'_, PyAny>,
+    confidence: &Bound<'_, PyAny>,
+    inlier_probability: &Bound<'_, PyAny>,
+    seed: &Bound<'_, PyAny>,
+    max_iterations: &Bound<'_, PyAny>,
     on_error: &str,
 ) -> PyResult<PoseSolution> {
     let polish = Options {
         method: Method::LevenbergMarquardt,
         parametrization: Parametrization::Rotation,
         damping: 1e-3,
-        max_iterations,
+        max_iterations: whole("max_iterations", max_iterations)?,
         cost_tolerance: 1e-12,
         step_tolerance: 1e-12,
     };
@@ -44,7 +44,7 @@ pub fn solve_pose_robust(
         gate: (-2.0 * (-ratio("inlier_probability", inlier_probability, false)?).ln_1p()).sqrt(),
         max_outlier_ratio: ratio("max_outlier_ratio", max_outlier_ratio, true)?,
         confidence: ratio("confidence", confidence, false)?,
-        seed,
+        seed: whole("seed", seed)?,
         polish,
     };
     let raise = parse_on_error(on_error)?;
@@ -125,10 +125,12 @@ fn record(problem: &Problem<'_>, found: &RobustOutcome, inliers: &[bool]) -> Rec
 }
 
 /// A number in (0, 1), or [0, 1) where zero has a meaning.
-fn ratio(argument: &str, value: f64, zero: bool) -> PyResult<f64> {
-    if value < 1.0 && (value > 0.0 || zero && value == 0.0) {
-        return Ok(value);
+fn ratio(argument: &str, value: &Bound<'_, PyAny>, zero: bool) -> PyResult<f64> {
+    let expected = if zero { "0 <= x < 1" } else { "0 < x < 1" };
+    let number = number(argument, expected, value)?;
+    if number < 1.0 && (number > 0.0 || zero && number == 0.0) {
+        Ok(number)
+    } else {
+        Err(option_error(argument, expected, value))
     }
-    let range = if zero { "0 <= x < 1" } else { "0 < x < 1" };
-    Err(InvalidInputError::new_err(format!("{argument}: expected {range}, got {value}")))
 }

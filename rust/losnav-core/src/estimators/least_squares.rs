@@ -17,12 +17,14 @@ use crate::math::so3::{
     rotation_from_mrp_rate, step,
 };
 use crate::math::sym6::{Ldl6, Sym6};
-use crate::math::triangular6::RANK_TOLERANCE;
 use crate::math::vec3::{Mat3, Vec3, add, cross, dot, rotate, rotate_transposed, sub};
 
 /// A minimum is reached if the predicted further decrease is below this part of the cost: 1e-3 standard deviations
 /// of the estimate for a residual of the size of the noise.
 const CONVERGED_DECREASE: f64 = 1e-6;
+/// Least pivot of a full-rank problem relative to the trace of its block. Problems of rank 5 leave pivots of up to
+/// 2e-14 by rounding; four landmarks seen from ten thousand times their extent still have 1e-9.
+const PIVOT_TOLERANCE: f64 = 1e-12;
 /// LM gives up when the damping has grown this far.
 const DAMPING_MAX: f64 = 1e12;
 /// Damping below this is rounding.
@@ -37,6 +39,9 @@ const GAIN_ACCEPT: f64 = 1e-4;
 pub enum Parametrization {
     /// On the manifold: a small rotation in body axes.
     Rotation,
+    /// The same steps, damped in the shift of the scene's middle and the rotation about it: slower where a good guess
+    /// leaves little to damp, far faster along the valleys of far and noisy scenes.
+    Orbit,
     /// Additive MRP step with shadow switch, position in reference axes, as the paper.
     Mrp,
 }
@@ -371,6 +376,15 @@ fn propose<T: Real>(
             let trial = orbit(pose, &dcm, anchor, &delta);
             Step { trial, predicted, size2: step_size2(&equations.hessian, &delta), solvable }
         }
+        Parametrization::Orbit => {
+            let t = rotate(&dcm, sub(anchor, pose.position));
+            let (pivoted, predicted, solvable) = damped_solve(&equations.about(t), damping);
+            let [x, y, z, a, b, c] = pivoted;
+            let shift = add([x, y, z], cross(t, [a, b, c]));
+            let delta = [shift[0], shift[1], shift[2], a, b, c];
+            let trial = orbit(pose, &dcm, anchor, &delta);
+            Step { trial, predicted, size2: step_size2(&equations.hessian, &delta), solvable }
+        }
         Parametrization::Mrp => {
             let mrp = mrp_from_quaternion(pose.attitude);
             let factor = rotation_from_mrp_rate(mrp);
@@ -442,12 +456,12 @@ fn is_minimum<T: Real>(equations: &NormalEquations<T>, exact: &Sym6<T>, floor: T
     decrement.le(negligible).and(full_rank(&equations.hessian, &ldl)).and(curvature.positive())
 }
 
-/// Are all pivots above [`RANK_TOLERANCE`]² of their column?
+/// Are all pivots above [`PIVOT_TOLERANCE`] of the trace of their block?
 #[inline(always)]
 pub fn full_rank<T: Real>(h: &Sym6<T>, ldl: &Ldl6<T>) -> T::Mask {
     let d = h.diagonal();
-    let position = (d[0] + d[1] + d[2]) * T::splat(RANK_TOLERANCE * RANK_TOLERANCE);
-    let attitude = (d[3] + d[4] + d[5]) * T::splat(RANK_TOLERANCE * RANK_TOLERANCE);
+    let position = (d[0] + d[1] + d[2]) * T::splat(PIVOT_TOLERANCE);
+    let attitude = (d[3] + d[4] + d[5]) * T::splat(PIVOT_TOLERANCE);
     let p = ldl.pivots();
     let first = position.lt(p[0]).and(position.lt(p[1])).and(position.lt(p[2]));
     let last = attitude.lt(p[3]).and(attitude.lt(p[4])).and(attitude.lt(p[5]));

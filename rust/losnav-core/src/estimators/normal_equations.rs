@@ -10,7 +10,7 @@
 //! `H_αα += (v·h) I − sym(v hᵀ)`,  `H_pp += ((v·h)(I − 3hhᵀ) + v hᵀ + h vᵀ)/ρ²`,  `H_pα −= P [v×]/ρ`.
 use crate::estimators::loss::Loss;
 use crate::math::real::Real;
-use crate::math::sym6::Sym6;
+use crate::math::sym6::{Sym6, index};
 use crate::math::vec3::{Mat3, Vec3, cross, dot, rotate, rotate_transposed, scale, sub};
 use crate::models::linearization::{Direction, Linearization, Sink, Weight};
 
@@ -211,6 +211,41 @@ impl<T: Real, L: Loss> Sink<T> for NormalEquationsSink<'_, T, L> {
 }
 
 impl<T: Real> NormalEquations<T> {
+    /// The same system in the shift of a pivot and the rotation about it: `δp' = η + t × δα`, `t` the pivot seen from
+    /// the observer, body axes.
+    #[inline(always)]
+    #[must_use]
+    pub fn about(&self, t: Vec3<T>) -> Self {
+        let h = &self.hessian;
+        let g = &self.gradient;
+        let mut out = *self;
+        // Column j of [t×] is t × e_j; products X [t×] have rows x × t.
+        let row = |i: usize| [h.at(i, 0), h.at(i, 1), h.at(i, 2)];
+        let (p0, p1, p2) = (cross(row(0), t), cross(row(1), t), cross(row(2), t));
+        let p = [p0, p1, p2];
+        // H_pa' = H_pa + H_pp [t×]
+        for i in 0..3 {
+            for j in 0..3 {
+                out.hessian.0[index(i, 3 + j)] = h.at(i, 3 + j) + p[i][j];
+            }
+        }
+        // H_aa' = H_aa + [t×]' H_pa' + (H_pa)' [t×]
+        for i in 0..3 {
+            let pa = [h.at(0, 3 + i), h.at(1, 3 + i), h.at(2, 3 + i)];
+            let right = cross(pa, t);
+            for j in i..3 {
+                let column = [out.hessian.at(0, 3 + j), out.hessian.at(1, 3 + j), out.hessian.at(2, 3 + j)];
+                let left = cross(column, t);
+                out.hessian.0[index(3 + i, 3 + j)] = h.at(3 + i, 3 + j) + right[j] + left[i];
+            }
+        }
+        let lever = cross([g[0], g[1], g[2]], t);
+        for i in 0..3 {
+            out.gradient[3 + i] = g[3 + i] + lever[i];
+        }
+        out
+    }
+
     /// The sum over the lanes, in every lane of `S`.
     #[inline(always)]
     pub fn sum_lanes<S: Real>(&self) -> NormalEquations<S> {
@@ -247,7 +282,7 @@ impl<T: Real> NormalEquations<T> {
                                 sum = (blocks[bi][k][i] * hkl).mul_add(blocks[bj][l][j], sum);
                             }
                         }
-                        packed.0[crate::math::sym6::index(r, c)] = sum;
+                        packed.0[index(r, c)] = sum;
                     }
                 }
             }
