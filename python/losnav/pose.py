@@ -361,7 +361,7 @@ def describe(solution: PoseSolution) -> str:
 def _observers(
     landmarks: ArrayLike, position: ArrayLike, mrp: ArrayLike
 ) -> tuple[tuple[int, ...], tuple[FloatArray, FloatArray, FloatArray]]:
-    """Batch shape and flat ``(1 or B, N, 3)``, ``(B, 3)``, ``(B, 3)``; refuses an observer on a landmark."""
+    """Batch shape and flat ``(1 or B, N, 3)``, ``(B, 3)``, ``(B, 3)``; refuses a range of zero."""
     marks, p, s = vectors(landmarks, "landmarks"), vectors(position, "position"), vectors(mrp, "mrp")
     if marks.ndim == 2:
         marks = points(marks, "landmarks")
@@ -369,11 +369,14 @@ def _observers(
         marks = marks[np.newaxis]
     else:
         shape, (marks, p, s) = broadcast(("landmarks", marks, 2), ("position", p, 1), ("mrp", s, 1))
-    hit = (marks == p[:, np.newaxis, :]).all(axis=-1)
-    if hit.any():
-        problem, index = (int(i) for i in np.argwhere(hit)[0])
+    with np.errstate(over="ignore", invalid="ignore"):
+        range2 = ((marks - p[:, np.newaxis, :]) ** 2).sum(axis=-1)
+    bad = ~((range2 > 0.0) & np.isfinite(range2))
+    if bad.any():
+        problem, index = (int(i) for i in np.argwhere(bad)[0])
         where = f" (problem {problem} of the batch)" if shape else ""
         raise InvalidInputError(
-            f"position: stands on landmarks[{index}], whose direction is undefined{where}"
+            f"position: expected a range to landmarks[{index}] whose square is above zero and finite, "
+            f"got {range2[problem, index]:g}: the direction is undefined{where}"
         )
     return shape, (marks, p, s)

@@ -358,7 +358,8 @@ fn check_unit<'s>(los: &'s [[f64; 3]], copy: &'s mut Vec<[f64; 3]>) -> Result<&'
     for (row, b) in los.iter().enumerate() {
         let [x, y, z] = *b;
         let norm = (x * x + y * y + z * z).sqrt();
-        if !((norm - 1.0).abs() <= UNIT_TOLERANCE) {
+        let off = (norm - 1.0).abs();
+        if off.is_nan() || off > UNIT_TOLERANCE {
             check_finite("los", &los[row..=row]).map_err(|error| match error {
                 BadValue::NotFinite { argument, column, value, .. } => {
                     BadValue::NotFinite { argument, row, column, value }

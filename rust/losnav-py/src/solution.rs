@@ -156,6 +156,8 @@ fn scaled_inverse(information: &Sym6<f64>) -> Option<Sym6<f64>> {
 }
 
 /// One problem, or a batch of this shape.
+// One record stands inline: boxing it would cost the single solve an allocation.
+#[allow(clippy::large_enum_variant)]
 #[derive(Clone, Debug)]
 enum Records {
     One(Record),

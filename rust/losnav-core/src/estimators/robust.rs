@@ -160,11 +160,13 @@ impl Problem<'_> {
         };
         let b = Vector3::from(*b);
         let v = pose.dcm * (Vector3::from(*l) - pose.position);
+        // Unit first: squares of lengths in an absurd unit leave the range of numbers.
+        let v = v / v.norm();
         let s = match self.weight(i) {
             // Sine instead of chord: no root, and equal far beyond any gate.
-            Weight::Scalar(w) => w * b.cross(&v).norm_squared() / v.norm_squared(),
+            Weight::Scalar(w) => w * b.cross(&v).norm_squared(),
             Weight::Full(root) => {
-                let e = b - v / v.norm();
+                let e = b - v;
                 let whitened = Matrix3::from(root).transpose() * e;
                 whitened.norm_squared()
             }
