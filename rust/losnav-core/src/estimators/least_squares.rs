@@ -456,7 +456,7 @@ fn is_minimum<T: Real>(equations: &NormalEquations<T>, exact: &Sym6<T>, floor: T
     decrement.le(negligible).and(full_rank(&equations.hessian, &ldl)).and(curvature.positive())
 }
 
-/// Are all pivots above [`PIVOT_TOLERANCE`] of the trace of their block?
+/// Are all pivots above `PIVOT_TOLERANCE` of the trace of their block?
 #[inline(always)]
 pub fn full_rank<T: Real>(h: &Sym6<T>, ldl: &Ldl6<T>) -> T::Mask {
     let d = h.diagonal();

@@ -1,6 +1,6 @@
 //! Poses from coplanar landmarks: the homography and the two poses of its local affine part.
 //!
-//! In the frame of [`Scatter`](super::scatter::Scatter) coplanar landmarks are `M = (u, v, 0)` and `b ~ h_1 u + h_2 v + t` with
+//! In the frame of [`Scatter`] coplanar landmarks are `M = (u, v, 0)` and `b ~ h_1 u + h_2 v + t` with
 //! `[h_1 h_2] = s [r_1 r_2]`.
 //!
 //! 1. `[h_1 h_2]` minimises the object-space quadratic form over transverse parts of unit length: the null vector for exact lines of sight
