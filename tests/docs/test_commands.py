@@ -7,6 +7,7 @@ import shlex
 
 import pytest
 
+from losnav import scenarios
 from losnav.cli import main
 from tests.conftest import REPOSITORY
 from tests.docs.test_examples import FLAGS, PAGES
@@ -100,3 +101,12 @@ def test_what_is_named_exists(page):
         if span.startswith(("losnav ", "--")):
             for option in re.findall(r"--[a-z][a-z-]+", span):
                 assert option in options(), f"{page.name}: {option}"
+
+
+def test_the_reproduction_page_is_of_these_claims():
+    """Its statements and verdicts are those of the code; numbers of a small campaign differ."""
+    text = (REPOSITORY / "docs" / "reproductions" / "landmark-landing.md").read_text(encoding="utf-8")
+    shown = re.findall(r"^\| (\w+) \| \*\*([a-z ]+)\*\* \| (.+?) \|", text, flags=re.M)
+    landing = scenarios.load("landmark-landing", sampling=43.0, cold_times=(0.0, 300.0))
+    claims = landing.run(runs=20, seed=1).claims()
+    assert shown == [(c.number, c.established, c.statement) for c in claims]
