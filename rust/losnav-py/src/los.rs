@@ -74,36 +74,42 @@ impl<'a> Batch<'a> {
     }
 }
 
+/// An array `(B, N, *tail)` of `M` numbers for each landmark of each pose.
+fn each_landmark<'py, const M: usize>(
+    arguments: [&Bound<'py, PyAny>; 3],
+    tail: &[usize],
+    each: impl Fn(&Kinematics<f64>, Vec3<f64>, Vec3<f64>) -> [f64; M] + Sync,
+) -> PyResult<Bound<'py, PyAny>> {
+    let [landmarks, position, mrp] = arguments;
+    let py = landmarks.py();
+    let (landmarks, position, mrp) =
+        (Floats::new(landmarks, "landmarks")?, Floats::new(position, "position")?, Floats::new(mrp, "mrp")?);
+    let batch = Batch::new(&landmarks, &position, &mrp)?;
+    let data = py.detach(|| batch.fill(|x, k, landmark| each(x, batch.mrps[k], landmark)));
+    let shape = [&[batch.positions.len(), batch.n], tail].concat();
+    convert::array(py, &shape, data)
+}
+
 /// `(B, N, 3)` unit vectors.
 #[pyfunction]
 #[pyo3(signature = (landmarks, position, mrp, /))]
 pub fn predict_los<'py>(
-    py: Python<'py>,
     landmarks: &Bound<'py, PyAny>,
     position: &Bound<'py, PyAny>,
     mrp: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let (landmarks, position, mrp) =
-        (Floats::new(landmarks, "landmarks")?, Floats::new(position, "position")?, Floats::new(mrp, "mrp")?);
-    let batch = Batch::new(&landmarks, &position, &mrp)?;
-    let data = py.detach(|| batch.fill(|x, _, landmark| predict(x, landmark).0));
-    convert::array(py, &[batch.positions.len(), batch.n, 3], data)
+    each_landmark([landmarks, position, mrp], &[3], |x, _, landmark| predict(x, landmark).0)
 }
 
 /// `(B, N, 3, 6)`, columns `[p, mrp]`, equation (6).
 #[pyfunction]
 #[pyo3(signature = (landmarks, position, mrp, /))]
 pub fn los_jacobian<'py>(
-    py: Python<'py>,
     landmarks: &Bound<'py, PyAny>,
     position: &Bound<'py, PyAny>,
     mrp: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let (landmarks, position, mrp) =
-        (Floats::new(landmarks, "landmarks")?, Floats::new(position, "position")?, Floats::new(mrp, "mrp")?);
-    let batch = Batch::new(&landmarks, &position, &mrp)?;
-    let data = py.detach(|| batch.fill(|x, k, landmark| jacobian_rows(x, batch.mrps[k], landmark)));
-    convert::array(py, &[batch.positions.len(), batch.n, 3, 6], data)
+    each_landmark([landmarks, position, mrp], &[3, 6], jacobian_rows)
 }
 
 fn jacobian_rows(x: &Kinematics<f64>, mrp: Vec3<f64>, landmark: Vec3<f64>) -> [f64; 18] {
