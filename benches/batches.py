@@ -23,7 +23,8 @@ def main(arguments=None):
     for name in ("RAYON_NUM_THREADS", "NUMBA_NUM_THREADS"):
         os.environ[name] = str(options.threads)
     json.dump(
-        [measure(options.landmarks, size, options.rounds, options.peers) for size in options.sizes], sys.stdout
+        [measure(options.landmarks, size, options.rounds, options.peers) for size in options.sizes],
+        sys.stdout,
     )
 
 
@@ -36,7 +37,13 @@ def measure(n, size, rounds, with_peers):
     from benches.scenes import SIGMA, batch
 
     one, los, guess = batch(n, size)
-    namespace = {"landmarks": one.landmarks, "los": los, "guess": guess, "SIGMA": SIGMA, "solve": ln.solve_pose}
+    namespace = {
+        "landmarks": one.landmarks,
+        "los": los,
+        "guess": guess,
+        "SIGMA": SIGMA,
+        "solve": ln.solve_pose,
+    }
     body = "solve(landmarks, los, sigma=SIGMA, guess=guess)"
     contenders = [Contender("losnav", body, namespace, size)]
     solution = ln.solve_pose(one.landmarks, los, sigma=SIGMA, guess=guess)
@@ -66,7 +73,15 @@ def _peers(one, los, guess, solution, report):
     twin = Contender("numba prange", "solve(landmarks, los, SIGMA, guess, out)", namespace, len(los))
     numba_twin.solve_batch(one.landmarks, los, SIGMA, guess, out)
     scenes = [
-        Scene(one.landmarks, los[k], one.position, one.dcm, guess[k, :3], dcm_from_mrp(guess[k, 3:]), one.inliers)
+        Scene(
+            one.landmarks,
+            los[k],
+            one.position,
+            one.dcm,
+            guess[k, :3],
+            dcm_from_mrp(guess[k, 3:]),
+            one.inliers,
+        )
         for k in range(min(LOOPED, len(los)))
     ]
     loops = [

@@ -39,7 +39,9 @@ def _unrolled():
     for i in range(6):
         lines.append(f"    y{i} = g[{i}]" + "".join(f" - l{i}{j} * y{j}" for j in range(i)))
     for i in reversed(range(6)):
-        lines.append(f"    x{i} = y{i} * inverse[{i}]" + "".join(f" - l{j}{i} * x{j}" for j in range(i + 1, 6)))
+        lines.append(
+            f"    x{i} = y{i} * inverse[{i}]" + "".join(f" - l{j}{i} * x{j}" for j in range(i + 1, 6))
+        )
     lines.append("    return (x0, x1, x2, x3, x4, x5)")
     return "\n".join(lines)
 

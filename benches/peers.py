@@ -199,7 +199,12 @@ def poselib_p3p(scenes):
     """PoseLib's P3P: all solutions, not ranked; the one nearest to the truth counts."""
     problems = [{"los": s.los, "landmarks": s.landmarks} for s in scenes]
     contender = _contender(
-        "PoseLib p3p", "p3p(los, landmarks)", problems, {"p3p": poselib.p3p}, list, "all solutions, no covariance"
+        "PoseLib p3p",
+        "p3p(los, landmarks)",
+        problems,
+        {"p3p": poselib.p3p},
+        list,
+        "all solutions, no covariance",
     )
     contender.answers = [[from_poselib(pose) for pose in found] for found in contender.answers]
     _nearest(contender, scenes)
@@ -224,7 +229,9 @@ def poselib_estimate(scenes, *, gate):
     }
     body = "estimate(pixels, landmarks, camera, ransac, options)"
     read = lambda r: from_poselib(r[0])  # noqa: E731
-    return _contender("PoseLib estimate_absolute_pose", body, problems, namespace, read, "pixels, no covariance")
+    return _contender(
+        "PoseLib estimate_absolute_pose", body, problems, namespace, read, "pixels, no covariance"
+    )
 
 
 def opencv_ransac(scenes, *, gate):
@@ -243,7 +250,5 @@ def optimum(scene):
     """Best pose in directions of the inliers, from the truth, by the oracle."""
     keep = scene.inliers
     weights = np.broadcast_to(np.eye(3) / SIGMA**2, (int(keep.sum()), 3, 3))
-    fit = oracle.minimise(
-        scene.landmarks[keep], scene.los[keep], weights, scene.position, scene.dcm
-    )
+    fit = oracle.minimise(scene.landmarks[keep], scene.los[keep], weights, scene.position, scene.dcm)
     return fit.position, dcm_from_mrp(mrp_from_dcm(fit.dcm))
