@@ -61,11 +61,11 @@ LOOPED = 100
 
 def _peers(one, los, guess, solution, report):
     import numpy as np
+    from tests.oracle.attitude import dcm_from_mrp
 
     from benches import numba_twin, peers
     from benches.clock import Contender
     from benches.scenes import SIGMA, Scene, angle_between
-    from tests.oracle.attitude import dcm_from_mrp
 
     out = np.empty((len(los), 31))
     namespace = {"solve": numba_twin.solve_batch, "out": out, "SIGMA": SIGMA}

@@ -1,4 +1,4 @@
-"""Times of several contenders in one interleaved run: the same seconds of the same machine for all of them."""
+"""Times of several contenders in one interleaved run: the same seconds of one machine for all."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ TARGET_SECONDS = 4e-3
 
 @dataclass
 class Contender:
-    """Something to time: a statement over a namespace that does ``calls`` calls; ``solve(k)`` answers scene k."""
+    """Something to time: a statement over a namespace that does ``calls`` calls, and its answers."""
 
     name: str
     statement: str

@@ -27,7 +27,7 @@ def criterion():
 
 
 def instructions():
-    """Instructions of one call by kernel: callgrind on the same kernels, once with n calls and once with twice as many."""
+    """Instructions of one call by kernel, by callgrind."""
     if shutil.which("valgrind") is None:
         return {}
     command = ["cargo", "bench", "-q", "-p", "losnav-core", "--bench", "instructions", "--no-run"]
@@ -72,7 +72,8 @@ _PATTERNS = {"callgrind": r"Collected\s*:\s*(\d+)", "memcheck": r"total heap usa
 
 def _difference(tool, command):
     """What one call adds to the count of a whole process."""
-    # Valgrind knows no AVX-512. Plain malloc makes Python's own objects visible; a fixed hash seed repeats the run.
+    # Valgrind knows no AVX-512; plain malloc makes Python's own objects visible; a fixed seed of the
+    # hashes repeats the run.
     environment = os.environ | {"LOSNAV_ISA": "avx2", "PYTHONMALLOC": "malloc", "PYTHONHASHSEED": "0"}
     environment |= {"OPENBLAS_CORETYPE": "Haswell", "NPY_DISABLE_CPU_FEATURES": "AVX512F"}
     options = {"callgrind": ["--callgrind-out-file=/dev/null"], "memcheck": ["--undef-value-errors=no"]}[tool]

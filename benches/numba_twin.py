@@ -1,9 +1,9 @@
-"""The same Levenberg-Marquardt as ``losnav.solve_pose``, in numba: structured sums, unrolled 6x6, no arrays inside.
+"""The same Levenberg-Marquardt as ``losnav.solve_pose`` in numba: structured sums, unrolled 6x6, no arrays.
 
-Same step, damping schedule, tolerances and final test with the exact Hessian. It leaves out what a public function has
-beside that: no checks, no normalisation of the input, scalar weights only, ``out`` given by the caller.
+Same step, damping schedule, tolerances and final test with the exact Hessian. It leaves out what a public
+function has beside that: no checks, no normalisation, one weight for all, ``out`` given by the caller.
 
-``out``: position (0-2), quaternion xyzw (3-6), information packed (7-27), cost, iterations, converged (28-30).
+``out``: position (0-2), quaternion xyzw (3-6), packed information (7-27), cost, iterations, converged.
 """
 
 from __future__ import annotations

@@ -1,21 +1,21 @@
 """Who else solves it, and how their conventions map to ours.
 
-=============  ==========================================  =====================================================
-peer           its pose                                    in losnav's terms
-=============  ==========================================  =====================================================
-losnav         ``position``, ``dcm`` = [BN], ``mrp``       b = dcm (L - p)/|L - p|, unit vectors, any direction
-OpenCV         ``rvec``, ``tvec``                          Rodrigues(rvec) = dcm, tvec = -dcm p; pixels, z > 0
-PoseLib        ``CameraPose.R``, ``.t``                    R = dcm, t = -dcm p; pixels (``p3p``: unit vectors), z > 0
-SciPy          ours to choose: ``[p, mrp]``                the residuals b - h(p, mrp) and their Jacobian, in NumPy
-NumPy oracle   ``position``, ``mrp``                       as losnav; dense whitened rows, QR in every step
-numba twin     ``position``, quaternion xyzw               as losnav; the same algorithm, see ``numba_twin``
-=============  ==========================================  =====================================================
+============  ==============================  =========================================================
+peer          its pose                        in losnav's terms
+============  ==============================  =========================================================
+losnav        ``position``, ``dcm``, ``mrp``  b = dcm (L - p)/|L - p|, unit vectors, any direction
+OpenCV        ``rvec``, ``tvec``              Rodrigues(rvec) = dcm, tvec = -dcm p; pixels, z > 0
+PoseLib       ``CameraPose.R``, ``.t``        R = dcm, t = -dcm p; pixels (p3p: unit vectors), z > 0
+SciPy         ours to choose: ``[p, mrp]``    residuals b - h(p, mrp) and their Jacobian, in NumPy
+NumPy oracle  ``position``, ``mrp``           as losnav; dense whitened rows, QR in every step
+numba twin    ``position``, quaternion xyzw   as losnav; the same algorithm, see ``numba_twin``
+============  ==============================  =========================================================
 
-OpenCV and PoseLib see a camera of focal length 1000 pixels without distortion and minimise distances in its image plane, losnav
-angles on the sphere: with noise the two optima differ by a part of the noise, without noise they are the same. So the
-error is given twice: on the noisy scene against the optimum in directions, and on the same scene without noise against
-the truth. Everybody stops at 1e-12 (relative cost, or 1e-14 on gradient and step where that is what there is) unless
-the row says "its defaults".
+OpenCV and PoseLib see a camera of focal length 1000 pixels without distortion and minimise distances in its
+image plane, losnav angles on the sphere: with noise the two optima differ by a part of the noise, without
+noise they are the same. So the error is given twice: on the noisy scene against the optimum in directions,
+and on the same scene without noise against the truth. Everybody stops at 1e-12 (relative cost, or 1e-14 on
+gradient and step where that is what there is) unless the row says "its defaults".
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ import cv2
 import numpy as np
 import poselib
 from scipy.optimize import least_squares
+from tests.oracle import pose as oracle
+from tests.oracle.attitude import dcm_from_mrp
+from tests.oracle.los import los_jacobian, predict_los
 
 import losnav as ln
 from benches import numba_twin
 from benches.clock import Contender
 from benches.scenes import FOCAL, SIGMA, mrp_from_dcm
-from tests.oracle import pose as oracle
-from tests.oracle.attitude import dcm_from_mrp
-from tests.oracle.los import los_jacobian, predict_los
 
 CAMERA = poselib.Camera("PINHOLE", [FOCAL, FOCAL, 0.0, 0.0], 1, 1)
 TIGHT = {"loss_type": "TRIVIAL", "max_iterations": 100, "gradient_tol": 1e-14, "step_tol": 1e-14}
@@ -80,7 +80,7 @@ def to_opencv(position, dcm):
 
 
 def _contender(name, body, problems, namespace, read, note=""):
-    """``body`` is a call on the names of one problem (a dictionary); the loop over the problems is timed with it."""
+    """``body`` is a call on the names of one problem (a dictionary); the loop over them is timed with it."""
     names = list(problems[0])
     rows = [tuple(problem.values()) for problem in problems]
     statement = f"for {', '.join(names)}, in problems: {body}"

@@ -31,15 +31,18 @@ def head(machine, versions, quick):
             "",
             f"- Machine: {machine}.",
             f"- {versions}.",
-            "- Every table is one interleaved run: each round times each contender once, on the same scenes, and the",
-            "  table gives the median of the rounds (minimum in brackets). Ratio: their median over ours.",
-            "- `losnav` is the public call: arguments checked, directions normalised, exact Hessian tested at the end,",
-            "  information for the covariance kept. The others do less; the note says what.",
-            "- Error: median over the scenes against the optimum in directions (the oracle's), attitude in rad and",
-            "  position in m. OpenCV and PoseLib minimise pixels of a camera of focal length 1000: with noise of 2e-5 rad",
-            "  their optimum differs from ours by a part of the noise, so the column *exact* gives the attitude error on",
-            "  the same scenes without noise, where all optima are the truth, and *solved* the number of those scenes on",
-            "  which it is below 1e-6 rad. Errors are over the solved scenes.",
+            "- Every table is one interleaved run: each round times each contender once, on the same",
+            "  scenes; the table gives the median of the rounds (minimum in brackets). Ratio: their",
+            "  median over ours.",
+            "- `losnav` is the public call: arguments checked, directions normalised, exact Hessian",
+            "  tested at the end, information for the covariance kept. The others do less; the note says",
+            "  what.",
+            "- Error: median over the scenes against the optimum in directions (the oracle's), attitude",
+            "  in rad and position in m. OpenCV and PoseLib minimise pixels of a camera of focal length",
+            "  1000: with noise of 2e-5 rad their optimum differs from ours by a part of the noise. So",
+            "  *exact* gives the attitude error on the same scenes without noise, where all optima are",
+            "  the truth, and *solved* the number of those scenes on which it is below 1e-6 rad. Errors",
+            "  are over the solved scenes.",
             "- The mapping of everybody's conventions stands at the head of `benches/peers.py`.",
             "",
         ]
@@ -48,14 +51,18 @@ def head(machine, versions, quick):
 
 def section_warm():
     """Heading."""
-    return "## With a guess, 50 m and 5° off\n\n500 m above landmarks 30 m around; σ = 2e-5 rad; tolerance 1e-12.\n"
+    return (
+        "## With a guess, 50 m and 5° off\n\n"
+        "500 m above landmarks 30 m around; σ = 2e-5 rad; tolerance 1e-12.\n"
+    )
 
 
 def section_free():
     """Heading."""
     return (
-        "## Without a guess\n\nlosnav polishes every candidate and lists all minima of comparable cost; for N = 3 the"
-        " nearest of the\nsolutions counts, for everybody. OpenCV's solvers stop at their own cost and are not refined.\n"
+        "## Without a guess\n\n"
+        "losnav polishes every candidate and lists all minima of comparable cost; for N = 3 the nearest\n"
+        "of the solutions counts, for everybody. OpenCV's solvers stop at their own cost, unrefined.\n"
     )
 
 
@@ -121,9 +128,10 @@ def batch(runs):
     lines = [
         f"## Batch of {one['size']} problems, N = {one['landmarks']}",
         "",
-        "Shared landmarks, a guess each; numba's twin gets its output memory, PoseLib and OpenCV run in a Python loop.",
+        "Shared landmarks, a guess each; numba's twin gets its output memory, PoseLib and OpenCV run in a",
+        "Python loop.",
         "",
-        "| contender | ns each, 1 thread | ns each, 2 threads | ratio, 2 threads | attitude from ours, rad | position, m |",
+        "| contender | 1 thread, ns each | 2 threads | ratio | attitude from ours, rad | position, m |",
         "|---|---|---|---|---|---|",
     ]
     ours = two["ns"]["losnav"][0]
@@ -171,7 +179,7 @@ def kernels(criterion, instructions, call):
     lines = [
         "## Kernels",
         "",
-        "One problem in plain `f64` of a baseline build: time by criterion, instructions by callgrind (repeatable).",
+        "One problem in plain `f64`, baseline build: time by criterion, instructions by callgrind.",
         "",
         "| kernel | ns | instructions |",
         "|---|---|---|",

@@ -1,4 +1,4 @@
-"""Everything in one go: ``python benches/run.py`` rewrites ``benches/RESULTS.md``; ``--quick`` is a smoke test.
+"""Everything: ``python benches/run.py`` rewrites ``benches/RESULTS.md``; ``--quick`` is a smoke test.
 
 Run it from an environment with ``losnav[bench]`` on a machine with nothing else to do.
 """
@@ -99,16 +99,13 @@ def _batch_tables(quick, rounds):
 
 def _alternating(repeats, sizes, rounds, extra):
     """Runs of one and two threads in turn; of each number the best run (the other runs met other work)."""
-    best = {1: None, 2: None}
+    best = {}
     for _ in range(repeats):
-        for threads in best:
+        for threads in (1, 2):
             command = [sys.executable, "-m", "benches.batches", "--threads", str(threads)]
             command += ["--rounds", str(rounds), "--sizes", *map(str, sizes), *extra]
             rows = json.loads(subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE).stdout)
-            if best[threads] is None:
-                best[threads] = rows
-                continue
-            for old, new in zip(best[threads], rows, strict=True):
+            for old, new in zip(best.setdefault(threads, rows), rows, strict=True):
                 for name, times in new["ns"].items():
                     old["ns"][name] = min(old["ns"][name], times)
     return best
@@ -127,7 +124,8 @@ def machine():
         model = names[0] if names else model
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
     isa = os.environ.get("LOSNAV_ISA", "widest the CPU has")
-    return f"{model}, {os.cpu_count()} cores, {platform.system()}, LOSNAV_ISA: {isa}, load at the start {load:.1f}"
+    system = platform.system()
+    return f"{model}, {os.cpu_count()} cores, {system}, LOSNAV_ISA: {isa}, load at the start {load:.1f}"
 
 
 def versions():

@@ -65,7 +65,7 @@ def robust_contenders(_):
 
 
 def measure(makers, n, *, rounds, count, outliers=0.0):
-    """Rows of all contenders on ``count`` scenes of ``n`` landmarks; the first is the one the ratios are against."""
+    """Rows of all contenders on ``count`` scenes of ``n`` landmarks; ratios are against the first."""
     noisy = scenes(n, count, outliers=outliers)
     clean = scenes(n, count, outliers=outliers, sigma=0.0)
     optima = [peers.optimum(scene) for scene in noisy]
