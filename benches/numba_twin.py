@@ -185,7 +185,9 @@ def _start(landmarks, guess):
 
 
 @numba.njit(**OPTIONS)
-def _is_minimum(landmarks, los, weight, p, q, cost, g, h, floor):
+def _is_minimum(landmarks, los, weight, pose, equations):
+    (p, q), (cost, g, h) = pose, equations
+    floor = 64 * 2.220446049250313e-16**2 * weight * landmarks.shape[0]
     second = _second_order(landmarks, los, weight, p, q)
     exact = (
         h[0] + second[0], h[1] + second[1], h[2] + second[2], h[3] + second[3], h[4] + second[4],
@@ -249,7 +251,7 @@ def _levenberg_marquardt(landmarks, los, weight, guess, out):
     for i, value in enumerate(h):
         out[7 + i] = value
     out[28], out[29] = cost, iterations
-    out[30] = _is_minimum(landmarks, los, weight, p, q, cost, g, h, floor)
+    out[30] = _is_minimum(landmarks, los, weight, (p, q), (cost, g, h))
 
 
 @numba.njit(**OPTIONS)

@@ -79,7 +79,7 @@ def to_opencv(position, dcm):
 # --- contenders: statement timed over prepared problems, and the same call for the error ----------------
 
 
-def _contender(name, body, problems, namespace, read, note=""):
+def _contender(name, body, problems, namespace, read, *, note=""):
     """``body`` is a call on the names of one problem (a dictionary); the loop over them is timed with it."""
     names = list(problems[0])
     rows = [tuple(problem.values()) for problem in problems]
@@ -123,7 +123,7 @@ def numba_warm(scenes):
     body = "solve(landmarks, los, SIGMA, guess, out)"
     namespace = {"solve": numba_twin.solve, "SIGMA": SIGMA, "out": out}
     note = "no checks, no normalisation"
-    return _contender("numba twin", body, problems, namespace, lambda _: numba_twin.pose(out), note)
+    return _contender("numba twin", body, problems, namespace, lambda _: numba_twin.pose(out), note=note)
 
 
 def poselib_warm(scenes, options, name):
@@ -134,7 +134,9 @@ def poselib_warm(scenes, options, name):
     ]
     namespace = {"refine": poselib.refine_absolute_pose, "camera": CAMERA, "options": options}
     body = "refine(pixels, landmarks, guess, camera, options)"
-    return _contender(name, body, problems, namespace, lambda r: from_poselib(r[0]), "pixels, no covariance")
+    return _contender(
+        name, body, problems, namespace, lambda r: from_poselib(r[0]), note="pixels, no covariance"
+    )
 
 
 def opencv_warm(scenes):
@@ -146,7 +148,9 @@ def opencv_warm(scenes):
     namespace = {"refine": cv2.solvePnPRefineLM, "K": INTRINSICS, "criteria": CRITERIA}
     body = "refine(landmarks, pixels, K, None, rvec.copy(), tvec.copy(), criteria)"
     read = lambda r: from_opencv(r[0], r[1])  # noqa: E731
-    return _contender("OpenCV solvePnPRefineLM", body, problems, namespace, read, "pixels, no covariance")
+    return _contender(
+        "OpenCV solvePnPRefineLM", body, problems, namespace, read, note="pixels, no covariance"
+    )
 
 
 def _residuals(x, landmarks, los, weight):
@@ -166,7 +170,7 @@ def scipy_warm(scenes):
     )
     namespace = {"solve": least_squares, "residuals": _residuals, "jacobian": _jacobian, "SIGMA": SIGMA}
     read = lambda x: (x[:3], dcm_from_mrp(x[3:]))  # noqa: E731
-    return _contender("SciPy least_squares lm", body, problems, namespace, read, "no covariance")
+    return _contender("SciPy least_squares lm", body, problems, namespace, read, note="no covariance")
 
 
 def oracle_warm(scenes):
@@ -183,7 +187,9 @@ def oracle_warm(scenes):
     ]
     body = "minimise(landmarks, los, weights, position, dcm)"
     read = lambda fit: (fit.position, fit.dcm)  # noqa: E731
-    return _contender("NumPy oracle", body, problems, {"minimise": oracle.minimise}, read, "runs to rounding")
+    return _contender(
+        "NumPy oracle", body, problems, {"minimise": oracle.minimise}, read, note="runs to rounding"
+    )
 
 
 def opencv_free(scenes, flag):
@@ -192,7 +198,9 @@ def opencv_free(scenes, flag):
     namespace = {"solve": cv2.solvePnP, "K": INTRINSICS, "flag": getattr(cv2, f"SOLVEPNP_{flag}")}
     read = lambda r: from_opencv(r[1], r[2]) if r[0] else (None, None)  # noqa: E731
     body = "solve(landmarks, pixels, K, None, flags=flag)"
-    return _contender(f"OpenCV solvePnP {flag}", body, problems, namespace, read, "pixels, no refinement")
+    return _contender(
+        f"OpenCV solvePnP {flag}", body, problems, namespace, read, note="pixels, no refinement"
+    )
 
 
 def poselib_p3p(scenes):
@@ -243,7 +251,7 @@ def opencv_ransac(scenes, *, gate):
         " flags=flag)"
     )
     read = lambda r: from_opencv(r[1], r[2]) if r[0] else (None, None)  # noqa: E731
-    return _contender("OpenCV solvePnPRansac", body, problems, namespace, read, "pixels, no covariance")
+    return _contender("OpenCV solvePnPRansac", body, problems, namespace, read, note="pixels, no covariance")
 
 
 def optimum(scene):
