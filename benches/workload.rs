@@ -51,8 +51,7 @@ impl Random {
 impl Scene {
     fn new(n: usize, outliers: usize) -> Self {
         let mut random = Random(n as u64);
-        let mut landmarks =
-            vec![[32.5, 0.0, 0.0], [0.0, 30.0, 0.0], [-31.5, 0.0, 0.0], [0.0, -30.5, 0.0]];
+        let mut landmarks = vec![[32.5, 0.0, 0.0], [0.0, 30.0, 0.0], [-31.5, 0.0, 0.0], [0.0, -30.5, 0.0]];
         while landmarks.len() < n {
             landmarks.push([32.0 * random.next(), 32.0 * random.next(), 3.0 * random.next()]);
         }
@@ -70,10 +69,8 @@ impl Scene {
             let length = noisy.iter().map(|c| c * c).sum::<f64>().sqrt();
             los.push(noisy.map(|c| c / length));
         }
-        let guess = PoseState {
-            position: [-20.0, 20.0, 525.0],
-            attitude: step(truth.attitude, [0.05, -0.05, 0.05]),
-        };
+        let guess =
+            PoseState { position: [-20.0, 20.0, 525.0], attitude: step(truth.attitude, [0.05, -0.05, 0.05]) };
         Self { landmarks, los, guess }
     }
 

@@ -107,7 +107,7 @@ def units(value: Any, name: str, tolerance: float = UNIT_TOLERANCE) -> FloatArra
 def rotations(value: Any, name: str) -> FloatArray:
     """Finite ``(..., 3, 3)``, orthonormal, determinant +1."""
     array = matrices(value, name)
-    with np.errstate(over="ignore", invalid="ignore"):
+    with np.errstate(all="ignore"):
         error = np.abs(array @ np.swapaxes(array, -1, -2) - np.eye(3)).max(axis=(-2, -1))
         bad = ~(error <= ROTATION_TOLERANCE) | (np.linalg.det(array) < 0.0)
     if bad.any():

@@ -191,13 +191,14 @@ def landmark_uncertainty(
         with np.errstate(over="ignore", under="ignore", divide="ignore", invalid="ignore"):
             root = _projector(b) / distance @ attitude
             added = root @ spread @ np.swapaxes(root, -1, -2)
+            # Symmetric to the last bit, as a covariance should be.
+            added = 0.5 * added + 0.5 * np.swapaxes(added, -1, -2)
     except ValueError as error:
         shapes = f"{b.shape}, {np.shape(dcm)} and {spread.shape}"
         raise InvalidInputError(
             f"los_body, dcm, landmark_covariance: leading dimensions of {shapes} do not broadcast"
         ) from error
-    # Symmetric to the last bit, as a covariance should be.
-    return in_range(0.5 * added + 0.5 * np.swapaxes(added, -1, -2), "landmark_covariance or ranges")
+    return in_range(added, "landmark_covariance or ranges")
 
 
 def _count(n: int) -> int:

@@ -265,7 +265,7 @@ def solve_pose_robust(
     landmarks: ArrayLike,
     los: ArrayLike,
     *,
-    sigma: ArrayLike,
+    sigma: ArrayLike | None = None,
     covariance: ArrayLike | None = None,
     max_outlier_ratio: float = 0.6,
     confidence: float = 0.9999,
@@ -327,10 +327,14 @@ def solve_pose_robust(
     >>> int(solution.inliers.sum()), solution.converged
     (18, True)
     """
+    if sigma is None and covariance is None:
+        raise InvalidInputError(
+            "sigma: expected the noise of the right directions, got none; it decides what is wrong"
+        )
     return _core.solve_pose_robust(
         landmarks,
         los,
-        sigma,
+        1.0 if sigma is None else sigma,
         covariance,
         max_outlier_ratio,
         confidence,

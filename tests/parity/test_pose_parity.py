@@ -68,6 +68,8 @@ def test_optimum_cost_and_covariance(scene, method, parametrization):
 def test_guess_free_finds_what_the_guess_from_the_truth_finds(scene):
     measured = scene.measured()
     expected = pose.minimise(scene.landmarks, measured, scene.weights, scene.position, scene.dcm)
+    # The oracle compares costs, which are rounding at 1e-6 rad: where it gives up it is no reference.
+    assume(expected.converged)
     solution = ln.solve_pose(scene.landmarks, measured, sigma=scene.sigma)
     assert solution.converged
     assert solution.cost <= expected.cost * (1 + SAME_COST) + COST_FLOOR

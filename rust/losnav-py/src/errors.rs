@@ -8,6 +8,8 @@ pyo3::import_exception!(losnav.errors, InvalidInputError);
 pub enum BadValue {
     /// NaN or infinite.
     NotFinite { argument: &'static str, row: usize, column: usize, value: f64 },
+    /// A coordinate whose powers leave the range of numbers.
+    TooLarge { row: usize, column: usize, value: f64 },
     /// A direction whose norm is not one.
     NotUnit { argument: &'static str, row: usize, norm: f64 },
     /// A noise standard deviation that is not positive.
@@ -25,6 +27,11 @@ impl BadValue {
         let text = match self {
             Self::NotFinite { argument, row, column, value } => {
                 format!("{argument}[{row}, {column}]: expected a finite number, got {value}{at}")
+            }
+            Self::TooLarge { row, column, value } => {
+                format!(
+                    "landmarks[{row}, {column}]: expected a coordinate within 1e150 of zero, got {value:e}{at}"
+                )
             }
             Self::NotUnit { argument, row, norm } => {
                 format!("{argument}[{row}]: expected a unit vector (tolerance 0.01), got norm {norm:.6}{at}")

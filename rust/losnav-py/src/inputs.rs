@@ -8,6 +8,8 @@ use crate::errors::{BadValue, InvalidInputError, shape_error};
 
 /// A direction may carry unnormalised isotropic noise; see `losnav._arrays.UNIT_TOLERANCE`.
 pub const UNIT_TOLERANCE: f64 = 1e-2;
+/// Largest coordinate of a landmark.
+const LARGEST: f64 = 1e150;
 /// Within this the direction is used as it is.
 const UNIT_EXACT: f64 = 1e-15;
 
@@ -297,6 +299,7 @@ impl<'a> Problems<'a> {
         let los = triples(self.los.of(k));
         let Scratch { los: unit, weights, seen } = scratch;
         check_finite("landmarks", landmarks)?;
+        check_size(landmarks)?;
         if self.repeats == Repeats::Refused {
             check_distinct(landmarks, seen)?;
         }
@@ -328,8 +331,7 @@ fn triples(data: &[f64]) -> &[[f64; 3]] {
 }
 
 fn check_finite(argument: &'static str, rows: &[[f64; 3]]) -> Result<(), BadValue> {
-    // Half the largest number keeps sums of squares of differences out of infinity's way for honest scenes only;
-    // what matters here is NaN and infinity, which survive this sum.
+    // NaN and infinity survive this sum; everything else is zero.
     let mut probe = 0.0;
     for [x, y, z] in rows {
         probe += (x * 0.0 + y * 0.0) + z * 0.0;
@@ -341,6 +343,18 @@ fn check_finite(argument: &'static str, rows: &[[f64; 3]]) -> Result<(), BadValu
         for (column, &value) in values.iter().enumerate() {
             if !value.is_finite() {
                 return Err(BadValue::NotFinite { argument, row, column, value });
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Ranges are squared: coordinates stay below the square root of the largest number.
+fn check_size(landmarks: &[[f64; 3]]) -> Result<(), BadValue> {
+    for (row, values) in landmarks.iter().enumerate() {
+        for (column, &value) in values.iter().enumerate() {
+            if value.abs() > LARGEST {
+                return Err(BadValue::TooLarge { row, column, value });
             }
         }
     }

@@ -15,6 +15,9 @@ use crate::solution::{PoseSolution, Record};
 /// Spreads the seeds of a batch: 2⁶⁴ over the golden ratio.
 const SEED_STEP: u64 = 0x9E37_79B9_7F4A_7C15;
 
+/// Largest coordinate whose powers the search can form without a second thought.
+const PLAIN: f64 = 1e30;
+
 /// See `losnav.solve_pose_robust`.
 #[pyfunction]
 #[pyo3(signature = (landmarks, los, sigma, covariance, max_outlier_ratio, confidence, inlier_probability, seed,
@@ -93,6 +96,19 @@ fn solve_all(
 }
 
 fn solve_one(problem: &Problem<'_>, options: &RobustOptions) -> Robust {
+    let largest = problem.landmarks.iter().flatten().fold(0.0_f64, |m, c| m.max(c.abs()));
+    if largest == 0.0 || (1.0 / PLAIN..PLAIN).contains(&largest) {
+        return solve_plain(problem, options);
+    }
+    // A unit of length in which squares or cubes leave the range of numbers: solve in a better one.
+    let landmarks: Vec<[f64; 3]> = problem.landmarks.iter().map(|l| l.map(|c| c / largest)).collect();
+    let scaled = Problem { landmarks: &landmarks, ..*problem };
+    let Robust { best, other, inliers } = solve_plain(&scaled, options);
+    let back = |record: Record| record.in_unit(largest);
+    Robust { best: back(best), other: other.map(back), inliers }
+}
+
+fn solve_plain(problem: &Problem<'_>, options: &RobustOptions) -> Robust {
     let sensor = LineOfSight { landmarks: problem.landmarks, los: problem.los, weights: problem.weights };
     let mut inliers = vec![false; problem.los.len()];
     let Some(found) = solve_robust(&sensor, options, &mut inliers) else {

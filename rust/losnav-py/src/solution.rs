@@ -78,6 +78,20 @@ impl Record {
         Self { dof, termination: f64::from(Termination::Singular as u8), ..Self::invalid() }
     }
 
+    /// The same pose with lengths that were counted in `unit` counted in metres.
+    pub fn in_unit(mut self, unit: f64) -> Self {
+        self.position = self.position.map(|c| c * unit);
+        for i in 0..3 {
+            for j in i..6 {
+                let lengths = if j < 3 { unit * unit } else { unit };
+                self.information.0[losnav_core::math::sym6::index(i, j)] /= lengths;
+            }
+        }
+        // What cannot be written down in metres is not known in metres.
+        self.converged &= self.information.0.iter().all(|entry| entry.is_finite());
+        self
+    }
+
     /// Covariance of `[δp, δα]`, position in reference axes, row by row; NaN where the information is singular.
     fn covariance(&self) -> [f64; 36] {
         let mut out = [f64::NAN; 36];
