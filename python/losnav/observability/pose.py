@@ -288,7 +288,7 @@ def _assemble(
     scale = np.repeat(np.stack([reach, np.ones(shape)], axis=-1), 3, axis=-1)
     count = np.broadcast_to(marks.shape[-2] if kept is None else kept.sum(axis=-1), shape)
     # Each direction of unit weight adds two to the trace of the attitude block.
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         trace = (values**2 * (right[..., 3:] ** 2).sum(axis=-1)).sum(axis=-1)
         noise = np.sqrt(2.0 * count / trace)
     return PoseObservability(
