@@ -238,7 +238,7 @@ def poselib_estimate(scenes, *, gate):
     body = "estimate(pixels, landmarks, camera, ransac, options)"
     read = lambda r: from_poselib(r[0])  # noqa: E731
     return _contender(
-        "PoseLib estimate_absolute_pose", body, problems, namespace, read, "pixels, no covariance"
+        "PoseLib estimate_absolute_pose", body, problems, namespace, read, note="pixels, no covariance"
     )
 
 
