@@ -25,6 +25,22 @@ impl<V: Lanes> Columns<V> {
         Self { landmarks: Vec::with_capacity(n), los: Vec::with_capacity(n), weights: Vec::with_capacity(n) }
     }
 
+    /// Any number of chunks.
+    #[inline(always)]
+    fn fill(&mut self, chunks: Chunks<'_>) -> LineOfSight<'_, V> {
+        self.landmarks.reserve_exact(chunks.count);
+        self.los.reserve_exact(chunks.count);
+        self.weights.reserve_exact(chunks.weights);
+        for k in 0..chunks.count {
+            self.landmarks.push(gather_rows(chunks.rows::<V, _>(k, chunks.problem.landmarks)));
+            self.los.push(gather_rows(chunks.rows::<V, _>(k, chunks.problem.los)));
+        }
+        for k in 0..chunks.weights {
+            self.weights.push(chunks.weight(k));
+        }
+        self.sensor()
+    }
+
     #[inline(always)]
     fn sensor(&self) -> LineOfSight<'_, V> {
         LineOfSight { landmarks: &self.landmarks, los: &self.los, weights: &self.weights }
@@ -46,8 +62,10 @@ impl<L: Loss, F: FnMut(Outcome<f64>)> Job for OnePose<'_, L, F> {
 
     #[inline(always)]
     fn run<V: Lanes, S: Lanes>(mut self) {
-        let columns = landmark_columns::<V>(self.problem);
-        let objective = Chunked { lanes: LosObjective { sensor: columns.sensor(), loss: self.loss } };
+        let chunks = Chunks::new::<V>(self.problem);
+        let (mut few, mut many) = (Few::<V>::new(), Columns::<V>::with_capacity(0));
+        let sensor = if chunks.count <= FEW { few.fill(chunks) } else { many.fill(chunks) };
+        let objective = Chunked { lanes: LosObjective { sensor, loss: self.loss } };
         for start in self.starts {
             let outcome = solve(&objective, &start.splat::<S>(), self.options);
             (self.take)(lane_outcome(&outcome, 0));
@@ -105,38 +123,101 @@ fn splat_weight<V: Real>(weight: &Weight<f64>) -> Weight<V> {
     }
 }
 
-/// `V::LANES` landmarks to an entry; the last is repeated with weight zero.
-#[inline(always)]
-fn landmark_columns<V: Lanes>(problem: &Problem<'_>) -> Columns<V> {
-    let n = problem.los.len();
-    let chunks = n.div_ceil(V::LANES);
-    let mut columns = Columns::with_capacity(chunks);
-    for chunk in 0..chunks {
-        let from = chunk * V::LANES;
-        columns.landmarks.push(gather_rows(problem.landmarks, from));
-        columns.los.push(gather_rows(problem.los, from));
-        columns.weights.push(gather_weights(problem.weights, from, n));
-    }
-    columns
+/// Chunks of landmarks that need no heap: the time of an aligned allocation is felt in a solve of a microsecond.
+const FEW: usize = 4;
+
+/// The landmarks of one problem in a few chunks.
+struct Few<V> {
+    landmarks: [Vec3<V>; FEW],
+    los: [Vec3<V>; FEW],
+    weights: [Weight<V>; FEW],
 }
 
+impl<V: Lanes> Few<V> {
+    #[inline(always)]
+    fn new() -> Self {
+        let (zero, none) = ([V::zero(); 3], Weight::Scalar(V::zero()));
+        Self { landmarks: [zero; FEW], los: [zero; FEW], weights: [none; FEW] }
+    }
+
+    /// Up to [`FEW`] chunks.
+    #[inline(always)]
+    fn fill(&mut self, chunks: Chunks<'_>) -> LineOfSight<'_, V> {
+        for k in 0..chunks.count.min(FEW) {
+            self.landmarks[k] = gather_rows(chunks.rows::<V, _>(k, chunks.problem.landmarks));
+            self.los[k] = gather_rows(chunks.rows::<V, _>(k, chunks.problem.los));
+        }
+        for k in 0..chunks.weights.min(FEW) {
+            self.weights[k] = chunks.weight(k);
+        }
+        let (count, weights) = (chunks.count.min(FEW), chunks.weights.min(FEW));
+        LineOfSight {
+            landmarks: &self.landmarks[..count],
+            los: &self.los[..count],
+            weights: &self.weights[..weights],
+        }
+    }
+}
+
+/// The landmarks of a problem, `V::LANES` to a chunk. The first chunk takes the odd number and repeats its last
+/// landmark with weight zero: so one weight for all needs two entries, and the rest of the chunks share the second.
+#[derive(Clone, Copy)]
+struct Chunks<'a> {
+    problem: &'a Problem<'a>,
+    /// Landmarks in the first chunk.
+    first: usize,
+    count: usize,
+    /// Entries that the weights need.
+    weights: usize,
+}
+
+impl<'a> Chunks<'a> {
+    #[inline(always)]
+    fn new<V: Lanes>(problem: &'a Problem<'a>) -> Self {
+        let n = problem.los.len();
+        let count = n.div_ceil(V::LANES);
+        let weights = if problem.weights.len() == 1 { count.min(2) } else { count };
+        Self { problem, first: n - (count - 1) * V::LANES, count, weights }
+    }
+
+    #[inline(always)]
+    fn rows<V: Lanes, T>(&self, chunk: usize, rows: &'a [T]) -> &'a [T] {
+        let end = self.first + chunk * V::LANES;
+        if chunk == 0 { &rows[..end] } else { &rows[end - V::LANES..end] }
+    }
+
+    #[inline(always)]
+    fn weight<V: Lanes>(&self, chunk: usize) -> Weight<V> {
+        let count = if chunk == 0 { self.first } else { V::LANES };
+        match self.problem.weights {
+            [one] => gather_weights(core::slice::from_ref(one), count),
+            all => gather_weights(self.rows::<V, _>(chunk, all), count),
+        }
+    }
+}
+
+/// The last of the rows is repeated in the lanes beyond.
 #[inline(always)]
-fn gather_rows<V: Lanes>(rows: &[Vec3<f64>], from: usize) -> Vec3<V> {
+fn gather_rows<V: Lanes>(rows: &[Vec3<f64>]) -> Vec3<V> {
+    if rows.len() == V::LANES {
+        return [V::gather(|k| rows[k][0]), V::gather(|k| rows[k][1]), V::gather(|k| rows[k][2])];
+    }
     let last = rows.len() - 1;
     [
-        V::gather(|lane| rows[(from + lane).min(last)][0]),
-        V::gather(|lane| rows[(from + lane).min(last)][1]),
-        V::gather(|lane| rows[(from + lane).min(last)][2]),
+        V::gather(|k| rows[k.min(last)][0]),
+        V::gather(|k| rows[k.min(last)][1]),
+        V::gather(|k| rows[k.min(last)][2]),
     ]
 }
 
+/// Zero in the lanes from `count` on.
 #[inline(always)]
-fn gather_weights<V: Lanes>(weights: &[Weight<f64>], from: usize, n: usize) -> Weight<V> {
+fn gather_weights<V: Lanes>(weights: &[Weight<f64>], count: usize) -> Weight<V> {
     let last = weights.len() - 1;
-    let at = |lane: usize| weights[(from + lane).min(last)];
+    let at = |lane: usize| weights[lane.min(last)];
     if let Weight::Scalar(_) = weights[0] {
         return Weight::Scalar(V::gather(|lane| match at(lane) {
-            Weight::Scalar(w) if from + lane < n => w,
+            Weight::Scalar(w) if lane < count => w,
             _ => 0.0,
         }));
     }
@@ -144,7 +225,7 @@ fn gather_weights<V: Lanes>(weights: &[Weight<f64>], from: usize, n: usize) -> W
     for (i, row) in full.iter_mut().enumerate() {
         for (j, entry) in row.iter_mut().enumerate() {
             *entry = V::gather(|lane| match at(lane) {
-                Weight::Full(s) if from + lane < n => s[i][j],
+                Weight::Full(s) if lane < count => s[i][j],
                 _ => 0.0,
             });
         }

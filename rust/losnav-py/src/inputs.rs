@@ -285,11 +285,18 @@ impl Problem<'_> {
 }
 
 /// Room for what a problem needs beyond the arguments' memory; reused from one problem to the next.
-#[derive(Default)]
 pub struct Scratch {
     los: Vec<[f64; 3]>,
     weights: Vec<Weight<f64>>,
+    /// One weight for all directions: no heap for the commonest case.
+    common: [Weight<f64>; 1],
     seen: Vec<u32>,
+}
+
+impl Default for Scratch {
+    fn default() -> Self {
+        Self { los: Vec::new(), weights: Vec::new(), common: [Weight::Scalar(1.0)], seen: Vec::new() }
+    }
 }
 
 impl<'a> Problems<'a> {
@@ -297,7 +304,7 @@ impl<'a> Problems<'a> {
     pub fn get<'s>(&'s self, k: usize, scratch: &'s mut Scratch) -> Result<Problem<'s>, BadValue> {
         let landmarks = triples(self.landmarks.of(k));
         let los = triples(self.los.of(k));
-        let Scratch { los: unit, weights, seen } = scratch;
+        let Scratch { los: unit, weights, common, seen } = scratch;
         check_finite("landmarks", landmarks)?;
         check_size(landmarks)?;
         if self.repeats == Repeats::Refused {
@@ -305,8 +312,12 @@ impl<'a> Problems<'a> {
         }
         let los = check_unit(los, unit)?;
         weights.clear();
+        let mut weight_of_all = false;
         match &self.noise {
-            Noise::Common(sigma) => weights.push(scalar_weight(*sigma, 0)?),
+            Noise::Common(sigma) => {
+                *common = [scalar_weight(*sigma, 0)?];
+                weight_of_all = true;
+            }
             Noise::Sigma(rows) => {
                 for (row, sigma) in rows.of(k).iter().enumerate() {
                     weights.push(scalar_weight(*sigma, row)?);
@@ -322,6 +333,7 @@ impl<'a> Problems<'a> {
             None => None,
             Some(rows) => Some(check_guess(rows.of(k))?),
         };
+        let weights = if weight_of_all { &common[..] } else { &weights[..] };
         Ok(Problem { landmarks, los, weights, guess })
     }
 }
