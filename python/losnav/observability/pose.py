@@ -288,12 +288,16 @@ def _assemble(
     scale = np.repeat(np.stack([reach, np.ones(shape)], axis=-1), 3, axis=-1)
     count = np.broadcast_to(marks.shape[-2] if kept is None else kept.sum(axis=-1), shape)
     # Each direction of unit weight adds two to the trace of the attitude block.
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        trace = (values**2 * (right[..., 3:] ** 2).sum(axis=-1)).sum(axis=-1)
-        noise = np.sqrt(2.0 * count / trace)
+    largest = values[..., 0]
+    with np.errstate(all="ignore"):
+        # Relative to the largest: the squares of the values themselves may leave the range of numbers.
+        relative = values / largest[..., np.newaxis]
+        trace = (relative**2 * (right[..., 3:] ** 2).sum(axis=-1)).sum(axis=-1)
+        unit = np.sqrt(2.0 * count / trace)
+        noise, singular_values = unit / largest, relative * unit[..., np.newaxis]
     return PoseObservability(
         rank=plain(rank),
-        singular_values=values * noise[..., np.newaxis],
+        singular_values=singular_values,
         noise=plain(noise),
         degree=plain(ratio(values)),
         directions=scale[..., np.newaxis] * np.swapaxes(right, -1, -2),

@@ -305,8 +305,7 @@ impl<'a> Problems<'a> {
         let landmarks = triples(self.landmarks.of(k));
         let los = triples(self.los.of(k));
         let Scratch { los: unit, weights, common, seen } = scratch;
-        check_finite("landmarks", landmarks)?;
-        check_size(landmarks)?;
+        check_coordinates(landmarks)?;
         if self.repeats == Repeats::Refused {
             check_distinct(landmarks, seen)?;
         }
@@ -342,32 +341,28 @@ fn triples(data: &[f64]) -> &[[f64; 3]] {
     data.as_chunks::<3>().0
 }
 
-fn check_finite(argument: &'static str, rows: &[[f64; 3]]) -> Result<(), BadValue> {
-    // NaN and infinity survive this sum; everything else is zero.
-    let mut probe = 0.0;
-    for [x, y, z] in rows {
-        probe += (x * 0.0 + y * 0.0) + z * 0.0;
-    }
-    if probe == 0.0 {
+/// Finite, and small enough to be squared.
+fn check_coordinates(landmarks: &[[f64; 3]]) -> Result<(), BadValue> {
+    // Written so that NaN is outside.
+    let sound = |l: &[f64; 3]| (l[0].abs() <= LARGEST) & (l[1].abs() <= LARGEST) & (l[2].abs() <= LARGEST);
+    if landmarks.iter().fold(true, |all, landmark| all & sound(landmark)) {
         return Ok(());
     }
-    for (row, values) in rows.iter().enumerate() {
+    for (row, values) in landmarks.iter().enumerate() {
+        check_finite("landmarks", row, values)?;
         for (column, &value) in values.iter().enumerate() {
-            if !value.is_finite() {
-                return Err(BadValue::NotFinite { argument, row, column, value });
+            if value.abs() > LARGEST {
+                return Err(BadValue::TooLarge { row, column, value });
             }
         }
     }
     Ok(())
 }
 
-/// Ranges are squared: coordinates stay below the square root of the largest number.
-fn check_size(landmarks: &[[f64; 3]]) -> Result<(), BadValue> {
-    for (row, values) in landmarks.iter().enumerate() {
-        for (column, &value) in values.iter().enumerate() {
-            if value.abs() > LARGEST {
-                return Err(BadValue::TooLarge { row, column, value });
-            }
+fn check_finite(argument: &'static str, row: usize, values: &[f64; 3]) -> Result<(), BadValue> {
+    for (column, &value) in values.iter().enumerate() {
+        if !value.is_finite() {
+            return Err(BadValue::NotFinite { argument, row, column, value });
         }
     }
     Ok(())
@@ -386,12 +381,7 @@ fn check_unit<'s>(los: &'s [[f64; 3]], copy: &'s mut Vec<[f64; 3]>) -> Result<&'
         let norm = (x * x + y * y + z * z).sqrt();
         let off = (norm - 1.0).abs();
         if off.is_nan() || off > UNIT_TOLERANCE {
-            check_finite("los", &los[row..=row]).map_err(|error| match error {
-                BadValue::NotFinite { argument, column, value, .. } => {
-                    BadValue::NotFinite { argument, row, column, value }
-                }
-                other => other,
-            })?;
+            check_finite("los", row, b)?;
             return Err(BadValue::NotUnit { argument: "los", row, norm });
         }
         copy.push([x / norm, y / norm, z / norm]);
