@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from losnav import _core
 from losnav._arrays import ArrayLike, FloatArray, broadcast, vectors
+from losnav.errors import InvalidInputError
 from losnav.observability.matrix import IntArray, Observability, plain, ratio
 from losnav.pose import predict_los
 
@@ -25,6 +26,8 @@ NEARLY_PERPENDICULAR = 0.25
 NARROW_VIEW = 0.7
 # Noise this close to 1 rad is the default, not a noise: what rounding leaves of a one.
 UNIT_NOISE = 1e-9
+# Farthest over nearest landmark: beyond this the squares of the singular values no longer stand side by side.
+RANGE_RATIO = 1e60
 # Singular values that an information matrix in double precision still tells from zero: eight times the root
 # of the rounding unit, which is about the rank tolerance.
 RESOLVED = 8.0 * float(np.finfo(np.float64).eps) ** 0.5
@@ -237,6 +240,7 @@ def pose_observability(
     attitude = np.zeros(3) if mrp is None else vectors(mrp, "mrp")
     place = vectors(position, "position")
     predicted = predict_los(landmarks, place, attitude)
+    _refuse_extreme_ranges(vectors(landmarks, "landmarks"), place)
     lead = predicted.shape[:-2]
     pose = np.concatenate([np.broadcast_to(v, (*lead, 3)) for v in (place, attitude)], axis=-1)
     values, right = _core.pose_singular(landmarks, predicted, sigma, covariance, pose)
@@ -265,6 +269,17 @@ def of_pose_solution(solution: PoseSolution) -> PoseObservability:
     right = np.swapaxes(basis[..., ::-1], -1, -2)
     pose = np.concatenate([place, solution.mrp], axis=-1)
     return _assemble(marks, pose, values, right, kept, body_axes=True)
+
+
+def _refuse_extreme_ranges(marks: FloatArray, place: FloatArray) -> None:
+    """Beside the rest of the scene a landmark must not be nothing: then the observer stands on it."""
+    ranges = np.abs(marks - place[..., np.newaxis, :]).max(axis=-1)
+    spread = float((ranges.max(axis=-1) / ranges.min(axis=-1)).max(initial=1.0))
+    if spread > RANGE_RATIO:
+        raise InvalidInputError(
+            f"position: expected ranges within a factor of {RANGE_RATIO:g}, got {spread:.3g}: "
+            "the observer stands on a landmark as far as numbers can tell"
+        )
 
 
 def _assemble(
