@@ -134,7 +134,7 @@ def fisher_information(
     ----------
     landmarks, position, mrp
         As for :func:`predict_los`.
-    sigma : scalar, (N,) or (..., N)
+    sigma : scalar, (N,), (..., N) or (..., 1)
         1-sigma noise of each direction, rad per axis.
     covariance : (..., N, 3, 3), optional
         Covariance of each direction in body axes, rad^2, instead of ``sigma``; rank 2 with the null space
@@ -196,7 +196,7 @@ def solve_pose(
         At least three distinct landmarks in the reference frame, m.
     los : (..., N, 3)
         Measured unit vectors in body (camera) axes; norms off by up to 0.01 are normalised.
-    sigma : scalar, (N,) or (..., N)
+    sigma : scalar, (N,), (..., N) or (..., 1)
         1-sigma noise of each direction, rad per axis. With the default the estimate is the same but
         covariance and chi2 are in units of an unknown noise.
     covariance : (..., N, 3, 3), optional
@@ -287,7 +287,7 @@ def solve_pose_robust(
         right.
     los : (..., N, 3)
         Unit vectors in body (camera) axes, right or wrong.
-    sigma : scalar, (N,) or (..., N)
+    sigma : scalar, (N,), (..., N) or (..., 1)
         1-sigma noise of the right directions, rad per axis. It decides what counts as wrong: give the true
         one.
     covariance : (..., N, 3, 3), optional

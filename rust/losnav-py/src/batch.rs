@@ -313,7 +313,7 @@ fn problem_columns<V: Lanes>(
             _ => return false,
         },
         Noise::Sigma(rows) => {
-            for row in 0..n {
+            for row in 0..rows.width() {
                 let sigma =
                     V::gather(|lane| rows.of((first + lane).min(last)).get(row).copied().unwrap_or(0.0));
                 let weight = (sigma * sigma).recip();

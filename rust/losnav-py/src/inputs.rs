@@ -69,7 +69,9 @@ impl<'py> Arguments<'py> {
         let noise = match &self.noise {
             NoiseArgument::Sigma(ScalarOrArray::Scalar(sigma)) => Err(*sigma),
             NoiseArgument::Sigma(ScalarOrArray::Array(a)) => {
-                Ok(Part::new("sigma", &format!("scalar, ({n},) or (..., {n})"), a, &[Some(n)])?)
+                // One number for each problem is as good as one for each direction.
+                let width = if a.shape().last() == Some(&1) { 1 } else { n };
+                Ok(Part::new("sigma", &format!("scalar, ({n},), (..., {n}) or (..., 1)"), a, &[Some(width)])?)
             }
             NoiseArgument::Covariance(a) => {
                 Ok(Part::new("covariance", &format!("(..., {n}, 3, 3)"), a, &[Some(n), Some(3), Some(3)])?)
@@ -203,6 +205,11 @@ impl<'a> Rows<'a> {
             Offsets::Table(table) => table.get(problem).copied().unwrap_or(0),
         };
         self.data.get(row * self.size..(row + 1) * self.size).unwrap_or(&[])
+    }
+
+    /// Numbers of one row.
+    pub fn width(&self) -> usize {
+        self.size
     }
 
     /// A copy: the one row that serves every problem, or (then `true`) one row for each.
