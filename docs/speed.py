@@ -10,9 +10,9 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 BEGIN, END = "<!-- speed: written by docs/speed.py -->", "<!-- /speed -->"
 NOTE = """
-Times of one public call, checks and the exact Hessian at the end included (the covariance is formed when asked
-for), and how many times longer the others take for the same scenes in the same interleaved run; below 1 the other
-is faster. {machine}
+Times of one public call, checks and the exact Hessian at the end included (the covariance is formed when
+asked for), and how many times longer the others take for the same scenes in the same interleaved run; below
+1 the other is faster. {machine}
 PoseLib and OpenCV minimise pixels and give no covariance, OpenCV's solvers without a guess stop unrefined (in
 brackets: how far from the optimum), the numba twin checks nothing. All rows, with errors beside the times:
 [benches/RESULTS.md](benches/RESULTS.md), written by `make bench`; `losnav bench` shows latency percentiles on
