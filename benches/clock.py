@@ -9,6 +9,10 @@ from dataclasses import dataclass, field
 
 TARGET_SECONDS = 4e-3
 """Length of one measurement: long beside the clock's resolution, short beside the scheduler's moods."""
+FEWEST = 5
+"""Rounds everybody gets."""
+PATIENCE_SECONDS = 3.0
+"""Time a contender may take in one table before further rounds leave it out."""
 
 
 @dataclass
@@ -40,9 +44,14 @@ def interleaved(contenders, rounds):
         once = min(timer.timeit(1) for _ in range(3))
         numbers.append(max(1, int(TARGET_SECONDS / max(once, 1e-9))))
     seconds = [[] for _ in contenders]
+    spent = [0.0] * len(contenders)
     gc.collect()
     for turn in range(rounds):
         for step in range(len(contenders)):
             k = (step + turn) % len(contenders)
-            seconds[k].append(timers[k].timeit(numbers[k]) / numbers[k] / contenders[k].calls)
+            # The slowest of all would take minutes: five rounds tell enough of them.
+            if turn < FEWEST or spent[k] < PATIENCE_SECONDS:
+                elapsed = timers[k].timeit(numbers[k])
+                spent[k] += elapsed
+                seconds[k].append(elapsed / numbers[k] / contenders[k].calls)
     return [Time(statistics.median(s), min(s)) for s in seconds]

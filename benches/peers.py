@@ -212,7 +212,7 @@ def poselib_p3p(scenes):
         problems,
         {"p3p": poselib.p3p},
         list,
-        "all solutions, no covariance",
+        note="all solutions, no covariance",
     )
     contender.answers = [[from_poselib(pose) for pose in found] for found in contender.answers]
     _nearest(contender, scenes)
