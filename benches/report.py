@@ -184,7 +184,8 @@ def kernels(criterion, instructions, call):
         "| kernel | ns | instructions |",
         "|---|---|---|",
     ]
-    for name in sorted(set(criterion) | set(instructions)):
+    # In the order of the workload where it is known.
+    for name in instructions or sorted(criterion):
         time = f"{criterion[name]:.0f}" if name in criterion else "–"
         count = f"{instructions[name]:.0f}" if name in instructions else "–"
         lines.append(f"| {name} | {time} | {count} |")
