@@ -1,4 +1,6 @@
 //! `solve_pose`: one problem straight through, a batch over the cores with the GIL released.
+use std::sync::Mutex;
+
 use losnav_core::estimators::least_squares::{
     Method, Options, Outcome, Parametrization, PoseState, Termination,
 };
@@ -160,13 +162,36 @@ fn solve_lanes<L: Loss>(
     if problems.count * problems.n < SERIAL_LANDMARKS {
         records.chunks_mut(CHUNK).enumerate().try_for_each(chunk)?;
     } else {
-        let failures: Vec<Failure> =
-            records.par_chunks_mut(CHUNK).enumerate().filter_map(|work| chunk(work).err()).collect();
+        let failures = Mutex::new(Vec::new());
+        share_out(records.chunks_mut(CHUNK).enumerate(), |work| {
+            if let (Err(failure), Ok(mut failures)) = (chunk(work), failures.lock()) {
+                failures.push(failure);
+            }
+        });
+        let failures = failures.into_inner().unwrap_or_default();
         if let Some(first) = failures.into_iter().min_by_key(|(problem, _)| *problem) {
             return Err(first);
         }
     }
     Ok(records)
+}
+
+/// Does every piece of work, on this thread and the pool's. This thread stays busy: were it to sleep until the pool is
+/// done, the system would wake all of the pool on this one core and take a while to spread them out.
+fn share_out<W: Send>(work: impl Iterator<Item = W> + Send, each: impl Fn(W) + Sync) {
+    let queue = Mutex::new(work);
+    let next = || queue.lock().ok().and_then(|mut queue| queue.next());
+    let drain = || {
+        while let Some(work) = next() {
+            each(work);
+        }
+    };
+    rayon::in_place_scope(|scope| {
+        for _ in 1..rayon::current_num_threads() {
+            scope.spawn(|_| drain());
+        }
+        drain();
+    });
 }
 
 fn solve_checked(
