@@ -41,6 +41,7 @@ def main(arguments=None):
     parts += _batch_tables(quick, rounds)
     if not quick:
         parts.append(report.kernels(kernels.criterion(), kernels.instructions(), kernels.public_call()))
+        parts.append(report.WHY)
     text = "\n".join(parts)
     output = options.output or (None if quick else RESULTS)
     if output is None:
