@@ -129,7 +129,8 @@ def batch(runs):
         f"## Batch of {one['size']} problems, N = {one['landmarks']}",
         "",
         "Shared landmarks, a guess each; numba's twin gets its output memory, PoseLib and OpenCV run in a",
-        "Python loop.",
+        "Python loop. One and two threads need a process each: they run in turn, three times (growth: twice),",
+        "and each number is its own best run by median, ours and theirs alike, not one interleaved run.",
         "",
         "| contender | 1 thread, ns each | 2 threads | ratio | attitude from ours, rad | position, m |",
         "|---|---|---|---|---|---|",
@@ -151,7 +152,8 @@ def batch(runs):
 
 WHY = """## Where the time goes
 
-What a profile (`perf`) of these calls showed when the table was made; read it beside the targets missed.
+Profiles (`perf`) taken by hand while these kernels were written, not by `make bench`; that of N = 1000 came
+before the last changes to checks and gathers, that of the batch before those to threads.
 
 - One call, N = 4: 60 % is the kernel (7.4 trial steps on average, each waiting for the one before), 13 %
   Python's own call, a good half of that looking up the keyword-only defaults. The rest is reading arguments,
