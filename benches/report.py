@@ -129,7 +129,7 @@ def batch(runs):
         f"## Batch of {one['size']} problems, N = {one['landmarks']}",
         "",
         "Shared landmarks, a guess each; numba's twin gets its output memory, PoseLib and OpenCV run in a",
-        "Python loop. One and two threads need their own process: they run in turn, three times (growth twice),",
+        "Python loop. One and two threads need their own process: in turn, three times (growth twice),",
         "and each number is its own best run by median, ours and theirs alike, not one interleaved run.",
         "",
         "| contender | 1 thread, ns each | 2 threads | ratio | attitude from ours, rad | position, m |",
