@@ -30,7 +30,7 @@ def add_command(commands: Any) -> None:
         ),
         epilog=(
             "Guess 50 m and 5 degrees off, from 500 m; the whole public call is timed, checks and "
-            "covariance included."
+            "included (the covariance is formed when asked for)."
         ),
     )
     command.add_argument(

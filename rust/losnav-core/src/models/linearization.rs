@@ -4,7 +4,7 @@
 //! filters, Fisher information and the Jacobian laws are [`Sink`]s. A line of sight keeps its structure: with
 //! `h` the predicted direction and `ρ` the range, all of `H` follows from `(h, 1/ρ)`,
 //!
-//! `∂h/∂p = −(I − hhᵀ) dcm/ρ`,  `∂h/∂α = [h×]`   (spec equations (11), and (12) with the chain factor taken out),
+//! `∂h/∂p = −(I − hhᵀ) dcm/ρ`,  `∂h/∂α = [h×]`   (equations (11), and (12) with the chain factor taken out),
 //!
 //! so a sink may accumulate straight from them; one that does not care receives the expanded rows.
 use crate::math::real::Real;
