@@ -29,7 +29,7 @@ def add_command(commands: Any) -> None:
             "Latency percentiles of single solve_pose calls and throughput of a batch on this machine."
         ),
         epilog=(
-            "Guess 50 m and 5 degrees off, from 500 m; the whole public call is timed, checks and "
+            "Guess 50 m and 5 degrees off, from 500 m; the whole public call is timed, checks "
             "included (the covariance is formed when asked for)."
         ),
     )
