@@ -9,8 +9,9 @@ use losnav_core::models::linearization::Weight;
 use losnav_core::models::sensors::LineOfSight;
 
 use crate::dispatch::{Job, Lanes};
-use crate::inputs::{Noise, Problem, Problems, UNIT_TOLERANCE, scalar_weight};
+use crate::inputs::{Noise, Problem, Problems};
 use crate::solution::Record;
+use crate::values::{UNIT_TOLERANCE, scalar_weight};
 
 /// Landmarks, directions and weights in lanes, reused from call to call.
 struct Columns<V> {

@@ -1,17 +1,18 @@
-//! The arguments of a pose solve: shapes, broadcasting, values. Slices that threads may share.
+//! The arguments of a pose solve: shapes, broadcasting, problems one by one. Slices that threads may share.
+use losnav_core::math::rotation::mrp_inside;
+use losnav_core::math::so3::quaternion_from_mrp;
+use losnav_core::models::kinematics::Kinematics;
 use losnav_core::models::linearization::Weight;
-use nalgebra::{Cholesky, Matrix3, Vector3};
+use losnav_core::models::sensors::LineOfSight;
 use pyo3::prelude::*;
+use rayon::prelude::*;
 
 use crate::convert::{Floats, ScalarOrArray};
 use crate::errors::{BadValue, InvalidInputError, shape_error};
+use crate::values::{check_coordinates, check_distinct, check_guess, check_unit, full_weight, scalar_weight};
 
-/// A direction may carry unnormalised isotropic noise; see `losnav._arrays.UNIT_TOLERANCE`.
-pub const UNIT_TOLERANCE: f64 = 1e-2;
-/// Largest coordinate of a landmark.
-const LARGEST: f64 = 1e150;
-/// Within this the direction is used as it is.
-const UNIT_EXACT: f64 = 1e-15;
+/// Problems one thread takes at a time in [`Problems::map`]: each costs about a microsecond.
+const CHUNK: usize = 32;
 
 /// Noise as the caller gave it.
 pub enum NoiseArgument<'py> {
@@ -280,7 +281,17 @@ pub struct Problem<'a> {
     pub guess: Option<[f64; 6]>,
 }
 
-impl Problem<'_> {
+impl<'a> Problem<'a> {
+    /// The directions as a sensor.
+    pub fn sensor(&self) -> LineOfSight<'a, f64> {
+        LineOfSight { landmarks: self.landmarks, los: self.los, weights: self.weights }
+    }
+
+    /// The observer at the guess, at the origin without one.
+    pub fn observer(&self) -> Kinematics<f64> {
+        observer(&self.guess.unwrap_or_default())
+    }
+
     /// One number for the weight of a direction: the mean over its three components.
     pub fn scalar_weight(&self, index: usize) -> f64 {
         match self.weights.get(index.min(self.weights.len().saturating_sub(1))) {
@@ -289,6 +300,12 @@ impl Problem<'_> {
             None => 1.0,
         }
     }
+}
+
+/// An observer at rest at `[p, mrp]`, either shadow set.
+pub fn observer(pose: &[f64; 6]) -> Kinematics<f64> {
+    let [x, y, z, a, b, c] = *pose;
+    Kinematics::at_rest([x, y, z], quaternion_from_mrp(mrp_inside([a, b, c])))
 }
 
 /// Room for what a problem needs beyond the arguments' memory; reused from one problem to the next.
@@ -307,6 +324,21 @@ impl Default for Scratch {
 }
 
 impl<'a> Problems<'a> {
+    /// `each` of every problem, over the cores without the GIL (a few stay on this one); the first invalid one is the error.
+    pub fn map<R: Send>(&self, py: Python<'_>, each: impl Fn(&Problem<'_>) -> R + Sync) -> PyResult<Vec<R>> {
+        let one = |scratch: &mut Scratch, k| self.get(k, scratch).map(|problem| each(&problem));
+        let all: Vec<Result<R, BadValue>> = py.detach(|| {
+            if self.count <= CHUNK {
+                let mut scratch = Scratch::default();
+                return (0..self.count).map(|k| one(&mut scratch, k)).collect();
+            }
+            let problems = (0..self.count).into_par_iter().with_min_len(CHUNK);
+            problems.map_init(Scratch::default, one).collect()
+        });
+        let numbered = all.into_iter().enumerate();
+        numbered.map(|(k, found)| found.map_err(|bad| bad.into_py((!self.single).then_some(k)))).collect()
+    }
+
     /// Checks problem `k` and gives it in the solver's form.
     pub fn get<'s>(&'s self, k: usize, scratch: &'s mut Scratch) -> Result<Problem<'s>, BadValue> {
         let landmarks = triples(self.landmarks.of(k));
@@ -346,134 +378,4 @@ impl<'a> Problems<'a> {
 
 fn triples(data: &[f64]) -> &[[f64; 3]] {
     data.as_chunks::<3>().0
-}
-
-/// Finite, and small enough to be squared.
-fn check_coordinates(landmarks: &[[f64; 3]]) -> Result<(), BadValue> {
-    // Written so that NaN is outside.
-    let sound = |l: &[f64; 3]| (l[0].abs() <= LARGEST) & (l[1].abs() <= LARGEST) & (l[2].abs() <= LARGEST);
-    if landmarks.iter().fold(true, |all, landmark| all & sound(landmark)) {
-        return Ok(());
-    }
-    for (row, values) in landmarks.iter().enumerate() {
-        check_finite("landmarks", row, values)?;
-        for (column, &value) in values.iter().enumerate() {
-            if value.abs() > LARGEST {
-                return Err(BadValue::TooLarge { row, column, value });
-            }
-        }
-    }
-    Ok(())
-}
-
-fn check_finite(argument: &'static str, row: usize, values: &[f64; 3]) -> Result<(), BadValue> {
-    for (column, &value) in values.iter().enumerate() {
-        if !value.is_finite() {
-            return Err(BadValue::NotFinite { argument, row, column, value });
-        }
-    }
-    Ok(())
-}
-
-/// Unit vectors: the caller's memory if they are exact, a normalised copy otherwise.
-fn check_unit<'s>(los: &'s [[f64; 3]], copy: &'s mut Vec<[f64; 3]>) -> Result<&'s [[f64; 3]], BadValue> {
-    // Written so that NaN is not exact.
-    let exact = |[x, y, z]: &[f64; 3]| (x * x + y * y + z * z - 1.0).abs() <= UNIT_EXACT;
-    if los.iter().all(exact) {
-        return Ok(los);
-    }
-    copy.clear();
-    for (row, b) in los.iter().enumerate() {
-        let [x, y, z] = *b;
-        let norm = (x * x + y * y + z * z).sqrt();
-        let off = (norm - 1.0).abs();
-        if off.is_nan() || off > UNIT_TOLERANCE {
-            check_finite("los", row, b)?;
-            return Err(BadValue::NotUnit { argument: "los", row, norm });
-        }
-        copy.push([x / norm, y / norm, z / norm]);
-    }
-    Ok(copy)
-}
-
-fn check_guess(values: &[f64]) -> Result<[f64; 6], BadValue> {
-    let mut guess = [0.0; 6];
-    for (column, (out, &value)) in guess.iter_mut().zip(values).enumerate() {
-        if !value.is_finite() {
-            return Err(BadValue::NotFinite { argument: "guess", row: 0, column, value });
-        }
-        *out = value;
-    }
-    Ok(guess)
-}
-
-/// `1/σ²`.
-pub fn scalar_weight(sigma: f64, row: usize) -> Result<Weight<f64>, BadValue> {
-    let weight = 1.0 / (sigma * sigma);
-    if sigma > 0.0 && weight.is_finite() && weight > 0.0 {
-        Ok(Weight::Scalar(weight))
-    } else {
-        Err(BadValue::NotPositive { argument: "sigma", row, value: sigma })
-    }
-}
-
-/// `S` with `SᵀS = R⁻¹`. A covariance of rank 2 with its null space along the direction (tangent-plane noise) gets
-/// `½ tr R` there: to first order that component of the residual is zero, so any weight serves.
-fn full_weight(entries: &[f64; 9], los: &[f64; 3], row: usize) -> Result<Weight<f64>, BadValue> {
-    let error = BadValue::NotCovariance { argument: "covariance", row };
-    let given = Matrix3::from_row_slice(entries);
-    let trace = given.trace();
-    if !(trace.is_finite() && trace > 0.0) || (given - given.transpose()).amax() > 1e-9 * trace {
-        return Err(error);
-    }
-    let scaled = given.symmetric_part() / trace;
-    let b = Vector3::from(*los);
-    let along = (scaled * b).norm();
-    // A null space along the measured direction: what b'R b is for a direction a few sigma off still counts as zero.
-    let regular =
-        if along < 1e-2 && b.dot(&(scaled * b)) < 1e-3 { scaled + 0.5 * b * b.transpose() } else { scaled };
-    let factor = Cholesky::new(regular).ok_or(error)?;
-    let lower = factor.l();
-    if lower.diagonal().min() < 1e-7 {
-        return Err(error);
-    }
-    let inverse = lower.try_inverse().ok_or(error)? / trace.sqrt();
-    let rows = [0, 1, 2].map(|i| [inverse[(i, 0)], inverse[(i, 1)], inverse[(i, 2)]]);
-    Ok(Weight::Full(rows))
-}
-
-/// No two landmarks in one place: pairwise for a few, through a hash table for many.
-fn check_distinct(landmarks: &[[f64; 3]], seen: &mut Vec<u32>) -> Result<(), BadValue> {
-    if landmarks.len() <= 16 {
-        for (second, b) in landmarks.iter().enumerate() {
-            for (first, a) in landmarks[..second].iter().enumerate() {
-                if a == b {
-                    return Err(BadValue::Duplicate { first, second });
-                }
-            }
-        }
-        return Ok(());
-    }
-    let size = (4 * landmarks.len()).next_power_of_two();
-    seen.clear();
-    seen.resize(size, u32::MAX);
-    for (second, b) in landmarks.iter().enumerate() {
-        // Adding zero makes −0 and 0 the same bits, as they are the same place.
-        let bits = b.map(|c| (c + 0.0).to_bits());
-        let mixed = (bits[0].wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ bits[1].rotate_left(29))
-            .wrapping_mul(0xBF58_476D_1CE4_E5B9)
-            ^ bits[2].wrapping_mul(0x94D0_49BB_1331_11EB);
-        let mut slot = (mixed >> 20) as usize & (size - 1);
-        while let Some(&first) = seen.get(slot) {
-            if first == u32::MAX {
-                break;
-            }
-            if landmarks.get(first as usize) == Some(b) {
-                return Err(BadValue::Duplicate { first: first as usize, second });
-            }
-            slot = (slot + 1) & (size - 1);
-        }
-        seen[slot] = second as u32;
-    }
-    Ok(())
 }

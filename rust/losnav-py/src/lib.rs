@@ -16,6 +16,7 @@ mod pose;
 mod robust;
 mod sensors;
 mod solution;
+mod values;
 
 /// The module `losnav._core`.
 #[pyo3::pymodule(gil_used = false)]

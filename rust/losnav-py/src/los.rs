@@ -8,14 +8,13 @@ use losnav_core::math::vec3::rotate_transposed;
 use losnav_core::math::vec3::{Vec3, dot, mul, skew};
 use losnav_core::models::kinematics::Kinematics;
 use losnav_core::models::linearization::{Direction, Weight};
-use losnav_core::models::sensors::LineOfSight;
 use losnav_core::models::sensors::line_of_sight::{direction, predict};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
 use crate::convert::{self, Floats};
 use crate::errors::shape_error;
-use crate::inputs::{Arguments, Repeats, Scratch};
+use crate::inputs::{Arguments, Repeats};
 
 /// `σ²` beyond which the attitude no longer moves with its MRP: `4/σ²` is 4e-150.
 const MRP_FLAT: f64 = 1e150;
@@ -140,18 +139,11 @@ pub fn fisher_information<'py>(
 ) -> PyResult<Bound<'py, PyAny>> {
     let arguments = Arguments::new(landmarks, predicted, sigma, covariance, Some(pose))?;
     let problems = arguments.problems(1, Repeats::Refused)?;
-    let mut data = Vec::with_capacity(problems.count * 36);
-    let mut scratch = Scratch::default();
-    for k in 0..problems.count {
-        let at = if problems.single { None } else { Some(k) };
-        let problem = problems.get(k, &mut scratch).map_err(|bad| bad.into_py(at))?;
-        let [x, y, z, a, b, c] = problem.guess.unwrap_or_default();
-        let observer = Kinematics::at_rest([x, y, z], quaternion_from_mrp(mrp_inside([a, b, c])));
-        let sensor = LineOfSight { landmarks: problem.landmarks, los: problem.los, weights: problem.weights };
-        let information = fisher::information(&sensor, &observer);
-        data.extend((0..36).map(|e| information.at(e / 6, e % 6)));
-    }
+    let found = problems.map(py, |problem| {
+        let information = fisher::information(&problem.sensor(), &problem.observer());
+        core::array::from_fn::<f64, 36, _>(|e| information.at(e / 6, e % 6))
+    })?;
     let mut shape = problems.shape.clone();
     shape.extend([6, 6]);
-    convert::array(py, &shape, data)
+    convert::array(py, &shape, found.into_flattened())
 }

@@ -1,29 +1,16 @@
 //! What a set of landmarks can tell about a pose. Arguments come checked from `losnav.observability`.
 use losnav_core::analysis::observability::{Geometry, geometry, singular};
-use losnav_core::math::so3::quaternion_from_mrp;
 use losnav_core::math::triangular6::Singular6;
 use losnav_core::math::vec3::Vec3;
-use losnav_core::models::kinematics::Kinematics;
-use losnav_core::models::sensors::LineOfSight;
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
 use crate::convert::{self, Floats};
-use crate::errors::{BadValue, shape_error};
-use crate::inputs::{Arguments, Problem, Repeats, Scratch};
+use crate::errors::shape_error;
+use crate::inputs::{Arguments, Repeats, observer};
 
-/// Problems one thread takes at a time: each costs some microseconds.
+/// Geometries one thread takes at a time: each costs some microseconds.
 const CHUNK: usize = 32;
-
-fn observer(pose: &[f64; 6]) -> Kinematics<f64> {
-    let [x, y, z, a, b, c] = *pose;
-    Kinematics::at_rest([x, y, z], quaternion_from_mrp([a, b, c]))
-}
-
-fn singular_of(problem: &Problem<'_>) -> Singular6 {
-    let sensor = LineOfSight { landmarks: problem.landmarks, los: problem.los, weights: problem.weights };
-    singular(&sensor, &observer(&problem.guess.unwrap_or_default()))
-}
 
 /// `(..., 6)` singular values and `(..., 6, 6)` vectors (rows) of the scaled, whitened Jacobian; noise is checked with
 /// the predicted directions.
@@ -39,15 +26,9 @@ pub fn pose_singular<'py>(
 ) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyAny>)> {
     let arguments = Arguments::new(landmarks, predicted, sigma, covariance, Some(pose))?;
     let problems = arguments.problems(1, Repeats::Refused)?;
-    let all: Vec<Result<Singular6, BadValue>> = py.detach(|| {
-        let one = |scratch: &mut Scratch, k| problems.get(k, scratch).map(|problem| singular_of(&problem));
-        (0..problems.count).into_par_iter().with_min_len(CHUNK).map_init(Scratch::default, one).collect()
-    });
     let mut values = Vec::with_capacity(problems.count * 6);
     let mut vectors = Vec::with_capacity(problems.count * 36);
-    for (k, result) in all.into_iter().enumerate() {
-        let at = if problems.single { None } else { Some(k) };
-        let found = result.map_err(|bad| bad.into_py(at))?;
+    for found in problems.map(py, |problem| singular(&problem.sensor(), &problem.observer()))? {
         values.extend_from_slice(&found.values);
         vectors.extend_from_slice(found.vectors.as_flattened());
     }

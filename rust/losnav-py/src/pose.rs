@@ -11,7 +11,6 @@ use losnav_core::estimators::pose::LosObjective;
 use losnav_core::estimators::ranking::rank;
 use losnav_core::math::rotation::quaternion_from_dcm;
 use losnav_core::math::so3::dcm_from_quaternion;
-use losnav_core::models::sensors::LineOfSight;
 use nalgebra::{Matrix3, Vector3};
 use pyo3::prelude::*;
 use rayon::prelude::*;
@@ -312,7 +311,7 @@ fn start_from(pose: &Pose) -> PoseState<f64> {
 
 fn record<L: Loss>(loss: L, problem: &Problem<'_>, outcome: &Outcome<f64>) -> Record {
     let chi2 = if L::CURVED {
-        let sensor = LineOfSight { landmarks: problem.landmarks, los: problem.los, weights: problem.weights };
+        let sensor = problem.sensor();
         LosObjective { sensor, loss }.chi2(&outcome.pose)
     } else {
         2.0 * outcome.cost

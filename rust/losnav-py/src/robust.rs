@@ -109,7 +109,7 @@ fn solve_one(problem: &Problem<'_>, options: &RobustOptions) -> Robust {
 }
 
 fn solve_plain(problem: &Problem<'_>, options: &RobustOptions) -> Robust {
-    let sensor = LineOfSight { landmarks: problem.landmarks, los: problem.los, weights: problem.weights };
+    let sensor = problem.sensor();
     let mut inliers = vec![false; problem.los.len()];
     let Some(found) = solve_robust(&sensor, options, &mut inliers) else {
         return Robust { best: Record::undetermined(problem.los.len()), other: None, inliers };
