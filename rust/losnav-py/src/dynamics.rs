@@ -22,6 +22,14 @@ impl Parameters for ClohessyWiltshire {
     }
 }
 
+/// A model whose state is an array and whose control is an acceleration.
+trait VectorModel<const N: usize>: DynamicsModel<f64, N, State = [f64; N], Control = [f64; 3]> + Sync {}
+
+impl<M, const N: usize> VectorModel<N> for M where
+    M: DynamicsModel<f64, N, State = [f64; N], Control = [f64; 3]> + Sync
+{
+}
+
 /// What is asked of a model.
 #[derive(Clone, Copy)]
 enum Question {
@@ -49,7 +57,7 @@ impl Batch<'_> {
 
     fn answer<M, const N: usize>(&self, model: &M, question: Question) -> PyResult<(Vec<f64>, Vec<usize>)>
     where
-        M: DynamicsModel<f64, N> + Sync,
+        M: VectorModel<N>,
     {
         let states = self.states::<N>()?;
         let (size, shape) = match question {
@@ -58,11 +66,11 @@ impl Batch<'_> {
         };
         let mut data = vec![0.0; states.len() * size];
         let one = |(k, out): (usize, &mut [f64])| {
-            let (x, u, dt) = (&states[k], self.controls[k], self.steps[k]);
+            let (x, u, step) = (&states[k], self.controls[k], model.prepare(self.steps[k]));
             match question {
-                Question::State => out.copy_from_slice(&model.propagate(x, u, dt)),
-                Question::Transition => out.copy_from_slice(model.transition(x, u, dt).as_flattened()),
-                Question::Noise => out.copy_from_slice(model.process_noise(x, dt).as_flattened()),
+                Question::State => out.copy_from_slice(&model.propagate(&step, x, u)),
+                Question::Transition => out.copy_from_slice(model.transition(&step, x, u).1.as_flattened()),
+                Question::Noise => out.copy_from_slice(model.process_noise(&step, x).as_flattened()),
             }
         };
         if data.len() < SERIAL {
@@ -76,7 +84,7 @@ impl Batch<'_> {
     /// States at the ends of all steps, the start included: `(B, T + 1, N)` from `(B, N)`, `(B, T, 3)`, `(T,)`.
     fn trajectory<M, const N: usize>(&self, model: &M) -> PyResult<(Vec<f64>, Vec<usize>)>
     where
-        M: DynamicsModel<f64, N> + Sync,
+        M: VectorModel<N>,
     {
         let states = self.states.as_chunks::<N>().0;
         let steps = self.steps.len();
@@ -88,7 +96,8 @@ impl Batch<'_> {
             let mut x = states[k];
             for (step, row) in out.as_chunks_mut::<N>().0.iter_mut().enumerate() {
                 if let Some(before) = step.checked_sub(1) {
-                    x = model.propagate(&x, self.controls[k * steps + before], self.steps[before]);
+                    let step = model.prepare(self.steps[before]);
+                    x = model.propagate(&step, &x, self.controls[k * steps + before]);
                 }
                 *row = x;
             }
@@ -107,7 +116,7 @@ impl Batch<'_> {
 trait Task {
     fn run<M, const N: usize>(&self, model: &M) -> PyResult<(Vec<f64>, Vec<usize>)>
     where
-        M: DynamicsModel<f64, N> + Sync;
+        M: VectorModel<N>;
 }
 
 struct Ask<'a>(Batch<'a>, Question);
@@ -115,7 +124,7 @@ struct Ask<'a>(Batch<'a>, Question);
 impl Task for Ask<'_> {
     fn run<M, const N: usize>(&self, model: &M) -> PyResult<(Vec<f64>, Vec<usize>)>
     where
-        M: DynamicsModel<f64, N> + Sync,
+        M: VectorModel<N>,
     {
         self.0.answer(model, self.1)
     }
@@ -126,7 +135,7 @@ struct Trace<'a>(Batch<'a>);
 impl Task for Trace<'_> {
     fn run<M, const N: usize>(&self, model: &M) -> PyResult<(Vec<f64>, Vec<usize>)>
     where
-        M: DynamicsModel<f64, N> + Sync,
+        M: VectorModel<N>,
     {
         self.0.trajectory(model)
     }

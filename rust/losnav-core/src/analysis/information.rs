@@ -16,15 +16,9 @@ pub struct RootInformation(pub Triangular6);
 
 /// Row `m` of `S H`, columns `[p, α]`.
 fn whitened<const M: usize>(rows: &Linearization<f64, M>, m: usize) -> [f64; 6] {
-    let mut out = [0.0; 6];
-    for k in 0..M {
-        let s = rows.sqrt_information[m][k];
-        for i in 0..3 {
-            out[i] += s * rows.d_position[k][i];
-            out[3 + i] += s * rows.d_attitude[k][i];
-        }
-    }
-    out
+    let row = rows.whitened(m);
+    let ([a, b, c], [d, e, f]) = (row.d_position, row.d_attitude);
+    [a, b, c, d, e, f]
 }
 
 impl Sink<f64> for Information {

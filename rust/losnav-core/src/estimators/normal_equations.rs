@@ -171,19 +171,11 @@ impl<T: Real, L: Loss> Sink<T> for NormalEquationsSink<'_, T, L> {
         // Whitened rows: S y, S H.
         let mut squared = T::zero();
         let mut whitened = [([T::zero(); 3], [T::zero(); 3], T::zero()); M];
-        for (row, out) in whitened.iter_mut().enumerate() {
-            let (mut a, mut b, mut y) = ([T::zero(); 3], [T::zero(); 3], T::zero());
-            for m in 0..M {
-                let s = rows.sqrt_information[row][m];
-                let p = rotate(self.dcm, rows.d_position[m]);
-                for i in 0..3 {
-                    a[i] = s.mul_add(p[i], a[i]);
-                    b[i] = s.mul_add(rows.d_attitude[m][i], b[i]);
-                }
-                y = s.mul_add(rows.innovation[m], y);
-            }
+        for (index, out) in whitened.iter_mut().enumerate() {
+            let row = rows.whitened(index);
+            let y = row.innovation;
             squared = y.mul_add(y, squared);
-            *out = (a, b, y);
+            *out = (rotate(self.dcm, row.d_position), row.d_attitude, y);
         }
         let loss = self.loss.at(squared);
         self.cost2 += loss.rho;

@@ -1,29 +1,74 @@
 //! The dynamics: one trait, one list. Laws and bindings iterate the list.
+//!
+//! Adding a model: its file here (struct, equation, the trait, a specimen), its name in [`dynamics!`](crate::dynamics),
+//! its parameters in the bindings, its dataclass in Python, its propagation in the oracle of the tests.
+use super::state::State;
 use crate::math::real::Real;
 
 pub mod clohessy_wiltshire;
 
 pub use clohessy_wiltshire::ClohessyWiltshire;
 
-/// How a state of `N` tangent components moves: `(x, u, dt) → (x', Φ, Q)`.
+/// How a state with `N` tangent components moves: `(x, u, dt) → (x', Φ, Q)`.
 ///
 /// The scalar is that of the state; time and the model's own constants are plain numbers, common to all lanes.
 pub trait DynamicsModel<T: Real, const N: usize> {
     /// The public name.
     const NAME: &'static str;
+    /// What moves.
+    type State: State<T, N>;
+    /// What is commanded or measured over the step: an acceleration, m/s², for orbital models.
+    type Control: Copy;
+    /// What a step needs whatever the state is: computed once, used by every lane, run and repetition of the step.
+    type Step: Copy;
 
-    /// State after `dt` seconds (negative: before) under a constant control acceleration, m/s².
-    fn propagate(&self, state: &[T; N], control: [T; 3], dt: f64) -> [T; N];
-    /// `Φ = ∂x'/∂x`.
-    fn transition(&self, state: &[T; N], control: [T; 3], dt: f64) -> [[T; N]; N];
-    /// `Q`, the covariance the disturbance adds over `|dt|`.
-    fn process_noise(&self, state: &[T; N], dt: f64) -> [[T; N]; N];
+    /// Prepares a step of `dt` seconds (negative: back).
+    fn prepare(&self, dt: f64) -> Self::Step;
+    /// State at the end of the step under a constant control.
+    fn propagate(&self, step: &Self::Step, state: &Self::State, control: Self::Control) -> Self::State;
+    /// State at the end of the step, and `Φ = ∂x'/∂x`.
+    fn transition(
+        &self,
+        step: &Self::Step,
+        state: &Self::State,
+        control: Self::Control,
+    ) -> (Self::State, [[T; N]; N]);
+    /// `Q`, the covariance the disturbance adds over `|dt|`: symmetric, positive semidefinite.
+    fn process_noise(&self, step: &Self::Step, state: &Self::State) -> [[T; N]; N];
+
+    /// `Φ P Φᵀ`, its upper triangle, of the upper triangle of `P`; override it to use the zeros of `Φ`.
+    #[inline(always)]
+    fn carry(&self, _step: &Self::Step, transition: &[[T; N]; N], covariance: &[[T; N]; N]) -> [[T; N]; N] {
+        congruence(transition, covariance)
+    }
+}
+
+/// `A S Aᵀ`, its upper triangle, of the upper triangle of `S`.
+#[inline(always)]
+pub fn congruence<T: Real, const N: usize>(a: &[[T; N]; N], s: &[[T; N]; N]) -> [[T; N]; N] {
+    let mut out = [[T::zero(); N]; N];
+    for i in 0..N {
+        // Row i of A S.
+        let mut row = [T::zero(); N];
+        for k in 0..N {
+            for j in 0..N {
+                let entry = if k <= j { s[k][j] } else { s[j][k] };
+                row[j] = a[i][k].mul_add(entry, row[j]);
+            }
+        }
+        for j in i..N {
+            for k in 0..N {
+                out[i][j] = row[k].mul_add(a[j][k], out[i][j]);
+            }
+        }
+    }
+    out
 }
 
 /// A model that can produce an example of itself, for the laws every model must obey.
-pub trait Specimen<const N: usize>: Sized {
+pub trait Specimen<const N: usize>: Sized + DynamicsModel<f64, N> {
     /// The model, a state, a control and a time step.
-    fn specimen() -> (Self, [f64; N], [f64; 3], f64);
+    fn specimen() -> (Self, Self::State, Self::Control, f64);
 }
 
 /// THE list of dynamics: calls `$then!{Name: size, …}`.

@@ -8,7 +8,7 @@
 //!
 //! so a sink may accumulate straight from them; one that does not care receives the expanded rows.
 use crate::math::real::Real;
-use crate::math::vec3::{Mat3, Vec3, dot, rotate, rotate_transposed, skew};
+use crate::math::vec3::{Mat3, Vec3, dot, rotate, rotate_transposed, scale_add, skew};
 
 /// `M` measurement rows: `y ≈ H δ`, `δ = [δp, δv, δα]` true minus estimate, weight `SᵀS`.
 #[derive(Clone, Copy, Debug)]
@@ -17,12 +17,38 @@ pub struct Linearization<T, const M: usize> {
     pub innovation: [T; M],
     /// `∂h/∂p`, reference axes, 1/m.
     pub d_position: [Vec3<T>; M],
-    /// `∂h/∂v`, reference axes, s/m.
-    pub d_velocity: [Vec3<T>; M],
-    /// `∂h/∂α`, body axes, 1/rad.
-    pub d_attitude: [Vec3<T>; M],
+    /// `∂h/∂v`, reference axes, s/m; none where the measurement does not depend on it, and the zeros cost nothing.
+    pub d_velocity: Option<[Vec3<T>; M]>,
+    /// `∂h/∂α`, body axes, 1/rad; none as above.
+    pub d_attitude: Option<[Vec3<T>; M]>,
     /// `S` with `SᵀS = R⁻¹`.
-    pub sqrt_information: [[T; M]; M],
+    pub sqrt_information: RootWeight<T, M>,
+}
+
+/// `S`, the square root of the weight of `M` rows.
+#[derive(Clone, Copy, Debug)]
+pub enum RootWeight<T, const M: usize> {
+    /// Rows that err independently: `1/σ` of each.
+    Diagonal([T; M]),
+    /// Any other.
+    Full([[T; M]; M]),
+}
+
+impl<T: Real, const M: usize> Linearization<T, M> {
+    /// Row `m` of `S y` and `S H`.
+    #[inline(always)]
+    pub fn whitened(&self, m: usize) -> Row<T> {
+        match &self.sqrt_information {
+            RootWeight::Diagonal(s) => Row::zero().plus(s[m], self, m),
+            RootWeight::Full(s) => {
+                let mut row = Row::zero();
+                for k in 0..M {
+                    row = row.plus(s[m][k], self, k);
+                }
+                row
+            }
+        }
+    }
 }
 
 /// How much a direction is trusted.
@@ -76,13 +102,9 @@ impl<T: Real> Direction<T> {
     #[inline(always)]
     pub fn expand(&self, dcm: &Mat3<T>) -> Linearization<T, 3> {
         let body = self.d_body_position();
-        let o = T::zero();
         let sqrt_information = match self.weight {
-            Weight::Scalar(w) => {
-                let s = w.sqrt();
-                [[s, o, o], [o, s, o], [o, o, s]]
-            }
-            Weight::Full(s) => s,
+            Weight::Scalar(w) => RootWeight::Diagonal([w.sqrt(); 3]),
+            Weight::Full(s) => RootWeight::Full(s),
         };
         Linearization {
             innovation: self.innovation,
@@ -91,8 +113,8 @@ impl<T: Real> Direction<T> {
                 rotate_transposed(dcm, body[1]),
                 rotate_transposed(dcm, body[2]),
             ],
-            d_velocity: [[o; 3]; 3],
-            d_attitude: skew(self.predicted),
+            d_velocity: None,
+            d_attitude: Some(skew(self.predicted)),
             sqrt_information,
         }
     }
@@ -125,10 +147,26 @@ pub struct Row<T> {
 
 impl<T: Real> Row<T> {
     /// All zero.
+    #[inline(always)]
     #[must_use]
     pub fn zero() -> Self {
         let o = [T::zero(); 3];
         Self { innovation: T::zero(), d_position: o, d_velocity: o, d_attitude: o }
+    }
+
+    /// This row plus `s` times row `m` of a linearisation.
+    #[inline(always)]
+    fn plus<const M: usize>(self, s: T, rows: &Linearization<T, M>, m: usize) -> Self {
+        let mut sum = self;
+        sum.innovation = s.mul_add(rows.innovation[m], sum.innovation);
+        sum.d_position = scale_add(s, rows.d_position[m], sum.d_position);
+        if let Some(d) = &rows.d_velocity {
+            sum.d_velocity = scale_add(s, d[m], sum.d_velocity);
+        }
+        if let Some(d) = &rows.d_attitude {
+            sum.d_attitude = scale_add(s, d[m], sum.d_attitude);
+        }
+        sum
     }
 }
 
@@ -158,12 +196,7 @@ impl<T: Real> Sink<T> for Recorder<'_, T> {
     fn add<const M: usize>(&mut self, rows: &Linearization<T, M>) {
         for m in 0..M {
             if let Some(row) = self.rows.get_mut(self.offered) {
-                *row = Row {
-                    innovation: rows.innovation[m],
-                    d_position: rows.d_position[m],
-                    d_velocity: rows.d_velocity[m],
-                    d_attitude: rows.d_attitude[m],
-                };
+                *row = Row::zero().plus(T::one(), rows, m);
             }
             self.offered += 1;
         }

@@ -3,3 +3,4 @@ pub mod dynamics;
 pub mod kinematics;
 pub mod linearization;
 pub mod sensors;
+pub mod state;

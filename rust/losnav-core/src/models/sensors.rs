@@ -21,10 +21,10 @@ pub trait SensorModel<T: Real> {
     /// Rows [`linearize`](Self::linearize) hands over.
     fn rows(&self) -> usize;
 
-    /// Hands the linearisation at `x` to `sink`.
+    /// Hands the linearisation at `x` to `sink`. A lane where the measurement is undefined hands over NaN.
     ///
     /// # Errors
-    /// Where the measurement is undefined at `x`.
+    /// Where the measurement is undefined at `x`, in every lane.
     fn linearize(&self, x: &Kinematics<T>, sink: &mut impl Sink<T>) -> Result<(), ModelError>;
 }
 

@@ -93,6 +93,18 @@ impl ClohessyWiltshire {
         rows
     }
 
+    /// `Q`.
+    fn noise(&self, dt: f64) -> [[f64; 6]; 6] {
+        let mut q = [[0.0; 6]; 6];
+        let sign = if dt < 0.0 { -1.0 } else { 1.0 };
+        for &Entry(i, j, positions, ref f) in &INTEGRANDS {
+            let value = sign * self.acceleration_psd * integral(f, positions, self.mean_motion, dt);
+            q[i][j] = value;
+            q[j][i] = value;
+        }
+        q
+    }
+
     /// Response to a constant acceleration.
     fn response(&self, dt: f64) -> [[f64; 3]; 6] {
         let p = Phase::new(self.mean_motion, dt);
@@ -193,43 +205,105 @@ fn series(f: &[f64; 9], positions: i32, angle: f64, time: f64) -> f64 {
     sum
 }
 
+/// `Φ`, `B` and `Q` of one time step: the same for every state.
+#[derive(Clone, Copy, Debug)]
+pub struct Step {
+    phi: [[f64; 6]; 6],
+    response: [[f64; 3]; 6],
+    noise: [[f64; 6]; 6],
+}
+
+/// Columns that move together: the orbital plane, and across it.
+const PLANE: [usize; 4] = [0, 2, 3, 5];
+const ACROSS: [usize; 2] = [1, 4];
+
 impl<T: Real> DynamicsModel<T, 6> for ClohessyWiltshire {
     const NAME: &'static str = "ClohessyWiltshire";
+    type State = [T; 6];
+    type Control = [T; 3];
+    type Step = Step;
+
+    fn prepare(&self, dt: f64) -> Step {
+        Step { phi: self.phi(dt), response: self.response(dt), noise: self.noise(dt) }
+    }
 
     #[inline(always)]
-    fn propagate(&self, state: &[T; 6], control: [T; 3], dt: f64) -> [T; 6] {
-        let (phi, response) = (self.phi(dt), self.response(dt));
+    fn propagate(&self, step: &Step, state: &[T; 6], control: [T; 3]) -> [T; 6] {
         let mut moved = [T::zero(); 6];
         for i in 0..6 {
             for j in 0..6 {
-                moved[i] = T::splat(phi[i][j]).mul_add(state[j], moved[i]);
+                moved[i] = T::splat(step.phi[i][j]).mul_add(state[j], moved[i]);
             }
             for j in 0..3 {
-                moved[i] = T::splat(response[i][j]).mul_add(control[j], moved[i]);
+                moved[i] = T::splat(step.response[i][j]).mul_add(control[j], moved[i]);
             }
         }
         moved
     }
 
     #[inline(always)]
-    fn transition(&self, _state: &[T; 6], _control: [T; 3], dt: f64) -> [[T; 6]; 6] {
-        self.phi(dt).map(|row| row.map(T::splat))
+    fn transition(&self, step: &Step, state: &[T; 6], control: [T; 3]) -> ([T; 6], [[T; 6]; 6]) {
+        let mut phi = [[T::zero(); 6]; 6];
+        for i in 0..6 {
+            for j in 0..6 {
+                phi[i][j] = T::splat(step.phi[i][j]);
+            }
+        }
+        (self.propagate(step, state, control), phi)
     }
 
     #[inline(always)]
-    fn process_noise(&self, _state: &[T; 6], dt: f64) -> [[T; 6]; 6] {
-        let mut q = [[T::zero(); 6]; 6];
-        let sign = if dt < 0.0 { -1.0 } else { 1.0 };
-        for Entry(i, j, positions, f) in &INTEGRANDS {
-            let value = sign * self.acceleration_psd * integral(f, *positions, self.mean_motion, dt);
-            for (row, column) in [(*i, *j), (*j, *i)] {
-                if let Some(entry) = q.get_mut(row).and_then(|entries| entries.get_mut(column)) {
-                    *entry = T::splat(value);
+    fn process_noise(&self, step: &Step, _state: &[T; 6]) -> [[T; 6]; 6] {
+        let mut noise = [[T::zero(); 6]; 6];
+        for i in 0..6 {
+            for j in 0..6 {
+                noise[i][j] = T::splat(step.noise[i][j]);
+            }
+        }
+        noise
+    }
+
+    /// A third of the products: `Φ` is a block of four and a block of two.
+    #[inline(always)]
+    fn carry(&self, step: &Step, _transition: &[[T; 6]; 6], covariance: &[[T; 6]; 6]) -> [[T; 6]; 6] {
+        // Φ P, then (Φ P) Φᵀ, by blocks.
+        let mut half = [[T::zero(); 6]; 6];
+        for j in 0..6 {
+            for i in PLANE {
+                for k in PLANE {
+                    half[i][j] = T::splat(step.phi[i][k]).mul_add(upper(covariance, k, j), half[i][j]);
+                }
+            }
+            for i in ACROSS {
+                for k in ACROSS {
+                    half[i][j] = T::splat(step.phi[i][k]).mul_add(upper(covariance, k, j), half[i][j]);
                 }
             }
         }
-        q
+        let mut out = [[T::zero(); 6]; 6];
+        for i in 0..6 {
+            for j in PLANE {
+                if j >= i {
+                    for k in PLANE {
+                        out[i][j] = half[i][k].mul_add(T::splat(step.phi[j][k]), out[i][j]);
+                    }
+                }
+            }
+            for j in ACROSS {
+                if j >= i {
+                    for k in ACROSS {
+                        out[i][j] = half[i][k].mul_add(T::splat(step.phi[j][k]), out[i][j]);
+                    }
+                }
+            }
+        }
+        out
     }
+}
+
+#[inline(always)]
+fn upper<T: Real>(s: &[[T; 6]; 6], i: usize, j: usize) -> T {
+    if i <= j { s[i][j] } else { s[j][i] }
 }
 
 impl Specimen<6> for ClohessyWiltshire {

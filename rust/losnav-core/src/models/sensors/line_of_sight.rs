@@ -56,10 +56,10 @@ impl<T: Real> SensorModel<T> for LineOfSight<'_, T> {
                 weight = *w;
             }
             let block = direction(x, *landmark, *los, weight);
-            if block.inverse_range.is_finite().not().any() {
+            if !block.inverse_range.is_finite().any() {
                 return Err(ModelError::ZeroRange { index });
             }
-            if block.inverse_range.le(T::zero()).any() {
+            if !T::zero().lt(block.inverse_range).any() {
                 return Err(ModelError::RangeOverflow { index });
             }
             sink.add_direction(&block, &x.dcm);

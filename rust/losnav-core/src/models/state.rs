@@ -1,0 +1,82 @@
+//! What is estimated: a point, and the small corrections that move it.
+use super::kinematics::Kinematics;
+use crate::math::real::Real;
+use crate::math::vec3::Mat3;
+
+/// First tangent column of each part that a sensor can see; `None` where the state does not have it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Columns {
+    /// `δr`, reference axes.
+    pub position: usize,
+    /// `δv`, reference axes.
+    pub velocity: Option<usize>,
+    /// `δα`, body axes.
+    pub attitude: Option<usize>,
+}
+
+/// A state whose errors, true minus estimate, are `N` numbers.
+pub trait State<T: Real, const N: usize>: Copy {
+    /// Where the parts stand in the error.
+    const COLUMNS: Columns;
+
+    /// What a sensor sees; `dcm` is the given attitude, used where the state has none.
+    fn kinematics(&self, dcm: &Mat3<T>) -> Kinematics<T>;
+    /// The state corrected by `δ`.
+    #[must_use]
+    fn inject(&self, delta: &[T; N]) -> Self;
+    /// The `δ` that leads from `other` to this.
+    fn minus(&self, other: &Self) -> [T; N];
+    /// Lane-wise choice.
+    #[must_use]
+    fn select(mask: T::Mask, yes: &Self, no: &Self) -> Self;
+    /// Is every number finite?
+    fn is_finite(&self) -> T::Mask;
+}
+
+/// `[r v …]`: six numbers, or more that sensors do not see.
+impl<T: Real, const N: usize> State<T, N> for [T; N] {
+    const COLUMNS: Columns = Columns { position: 0, velocity: Some(3), attitude: None };
+
+    #[inline(always)]
+    fn kinematics(&self, dcm: &Mat3<T>) -> Kinematics<T> {
+        let at = |i: usize| self.get(i).copied().unwrap_or(T::zero());
+        Kinematics { position: [at(0), at(1), at(2)], velocity: [at(3), at(4), at(5)], dcm: *dcm }
+    }
+
+    #[inline(always)]
+    fn inject(&self, delta: &[T; N]) -> Self {
+        let mut moved = *self;
+        for i in 0..N {
+            moved[i] += delta[i];
+        }
+        moved
+    }
+
+    #[inline(always)]
+    fn minus(&self, other: &Self) -> [T; N] {
+        let mut delta = *self;
+        for i in 0..N {
+            delta[i] -= other[i];
+        }
+        delta
+    }
+
+    #[inline(always)]
+    fn select(mask: T::Mask, yes: &Self, no: &Self) -> Self {
+        let mut chosen = *no;
+        for i in 0..N {
+            chosen[i] = T::select(mask, yes[i], no[i]);
+        }
+        chosen
+    }
+
+    #[inline(always)]
+    fn is_finite(&self) -> T::Mask {
+        let mut sum = T::zero();
+        for i in 0..N {
+            // Zero, or NaN where the number is infinite or NaN: one comparison for all.
+            sum += self[i] * T::zero();
+        }
+        sum.is_finite()
+    }
+}
