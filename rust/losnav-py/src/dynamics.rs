@@ -66,7 +66,7 @@ impl Batch<'_> {
         };
         let mut data = vec![0.0; states.len() * size];
         let one = |(k, out): (usize, &mut [f64])| {
-            let (x, u, step) = (&states[k], self.controls[k], model.prepare(self.steps[k]));
+            let (x, u, step) = (&states[k], self.controls[k], model.prepare(0.0, self.steps[k]));
             match question {
                 Question::State => out.copy_from_slice(&model.propagate(&step, x, u)),
                 Question::Transition => out.copy_from_slice(model.transition(&step, x, u).1.as_flattened()),
@@ -93,10 +93,11 @@ impl Batch<'_> {
         }
         let mut data = vec![0.0; states.len() * (steps + 1) * N];
         let one = |(k, out): (usize, &mut [f64])| {
-            let mut x = states[k];
+            let (mut x, mut time) = (states[k], 0.0);
             for (step, row) in out.as_chunks_mut::<N>().0.iter_mut().enumerate() {
                 if let Some(before) = step.checked_sub(1) {
-                    let step = model.prepare(self.steps[before]);
+                    let step = model.prepare(time, self.steps[before]);
+                    time += self.steps[before];
                     x = model.propagate(&step, &x, self.controls[k * steps + before]);
                 }
                 *row = x;

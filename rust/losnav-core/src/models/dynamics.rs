@@ -22,8 +22,11 @@ pub trait DynamicsModel<T: Real, const N: usize> {
     /// What a step needs whatever the state is: computed once, used by every lane, run and repetition of the step.
     type Step: Copy;
 
-    /// Prepares a step of `dt` seconds (negative: back).
-    fn prepare(&self, dt: f64) -> Self::Step;
+    /// Do steps depend on the time they start at? If not, equal steps are prepared once.
+    const TIME_VARYING: bool = false;
+
+    /// Prepares a step of `dt` seconds (negative: back) that starts at `time`, s.
+    fn prepare(&self, time: f64, dt: f64) -> Self::Step;
     /// State at the end of the step under a constant control.
     fn propagate(&self, step: &Self::Step, state: &Self::State, control: Self::Control) -> Self::State;
     /// State at the end of the step, and `Φ = ∂x'/∂x`.

@@ -26,13 +26,13 @@ where
 {
     let (model, x, u, dt) = M::specimen();
     for dt in [dt, -dt, 1e-3 * dt, 100.0 * dt] {
-        let step = DynamicsModel::<f64, N>::prepare(&model, dt);
+        let step = DynamicsModel::<f64, N>::prepare(&model, 0.0, dt);
         let (end, phi) = DynamicsModel::<f64, N>::transition(&model, &step, &x, u);
         assert_eq!(end, DynamicsModel::<f64, N>::propagate(&model, &step, &x, u));
         for column in 0..N {
             let mut seeded = x.map(|v| First::along(v, 0.0));
             seeded[column].slope = 1.0;
-            let step = DynamicsModel::<First, N>::prepare(&model, dt);
+            let step = DynamicsModel::<First, N>::prepare(&model, 0.0, dt);
             let control = u.map(|v| First::along(v, 0.0));
             let moved = DynamicsModel::<First, N>::propagate(&model, &step, &seeded, control);
             for row in 0..N {
@@ -53,19 +53,19 @@ where
     M: Vector<N>,
 {
     let (model, x, u, dt) = M::specimen();
-    let propagate = |x: &[f64; N], dt: f64| model.propagate(&model.prepare(dt), x, u);
-    let transition = |x: &[f64; N], dt: f64| model.transition(&model.prepare(dt), x, u).1;
-    assert_eq!(propagate(&x, 0.0), x);
+    let propagate = |x: &[f64; N], time: f64, dt: f64| model.propagate(&model.prepare(time, dt), x, u);
+    let transition = |x: &[f64; N], time: f64, dt: f64| model.transition(&model.prepare(time, dt), x, u).1;
+    assert_eq!(propagate(&x, 0.0, 0.0), x);
     for (s, t) in [(dt, 0.5 * dt), (10.0 * dt, dt), (dt, -dt), (37.0 * dt, 61.0 * dt)] {
-        let between = propagate(&x, s);
-        let (twice, once) = (propagate(&between, t), propagate(&x, s + t));
+        let between = propagate(&x, 0.0, s);
+        let (twice, once) = (propagate(&between, s, t), propagate(&x, 0.0, s + t));
         let size = scales(&between, s);
         for i in 0..N {
             assert_close(twice[i], once[i], size[i].max(1.0), 100.0 * SAME_FORMULA);
         }
         let matrix = |rows: [[f64; N]; N]| SMatrix::<f64, N, N>::from_fn(|i, j| rows[i][j]);
-        let product = matrix(transition(&between, t)) * matrix(transition(&x, s));
-        let whole = matrix(transition(&x, s + t));
+        let product = matrix(transition(&between, s, t)) * matrix(transition(&x, 0.0, s));
+        let whole = matrix(transition(&x, 0.0, s + t));
         assert!(
             (product - whole).amax() <= 100.0 * SAME_FORMULA * whole.amax().max(product.amax()).max(s.abs())
         );
@@ -78,16 +78,16 @@ where
     M: Vector<N>,
 {
     let (model, x, u, dt) = M::specimen();
-    let noise = |dt: f64| model.process_noise(&model.prepare(dt), &x);
+    let noise = |time: f64, dt: f64| model.process_noise(&model.prepare(time, dt), &x);
     let matrix = |rows: [[f64; N]; N]| SMatrix::<f64, N, N>::from_fn(|i, j| rows[i][j]);
     for (s, t) in [(dt, dt), (1e-3 * dt, 2e-3 * dt), (5.0 * dt, 30.0 * dt), (-dt, -2.0 * dt)] {
-        let whole = matrix(noise(s + t));
+        let whole = matrix(noise(0.0, s + t));
         assert_eq!(whole, whole.transpose());
         let scale = SVector::<f64, N>::from_fn(|i, _| 1.0 / whole[(i, i)].sqrt());
         let correlation = SMatrix::from_diagonal(&scale) * whole * SMatrix::from_diagonal(&scale);
         assert!(correlation.cholesky().is_some());
-        let phi = matrix(model.transition(&model.prepare(t), &x, u).1);
-        let sum = phi * matrix(noise(s)) * phi.transpose() + matrix(noise(t));
+        let phi = matrix(model.transition(&model.prepare(s, t), &x, u).1);
+        let sum = phi * matrix(noise(0.0, s)) * phi.transpose() + matrix(noise(s, t));
         let difference = SMatrix::from_diagonal(&scale) * (sum - whole) * SMatrix::from_diagonal(&scale);
         assert!(difference.amax() <= SAME_FORMULA, "{difference}");
     }
@@ -131,7 +131,12 @@ fn clohessy_wiltshire_solves_its_equations() {
     let w = model.mean_motion;
     for start in [0.0, 400.0, 2500.0] {
         let at = |t: f64| {
-            DynamicsModel::<f64, 6>::propagate(&model, &DynamicsModel::<f64, 6>::prepare(&model, t), &x, u)
+            DynamicsModel::<f64, 6>::propagate(
+                &model,
+                &DynamicsModel::<f64, 6>::prepare(&model, 0.0, t),
+                &x,
+                u,
+            )
         };
         let h = 0.03;
         let (before, now, after) = (at(start - h), at(start), at(start + h));
@@ -151,7 +156,7 @@ fn clohessy_wiltshire_solves_its_equations() {
 fn no_orbit_is_a_double_integrator() {
     let model = ClohessyWiltshire { mean_motion: 0.0, acceleration_psd: 2.0 };
     let x = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0];
-    let step = DynamicsModel::<f64, 6>::prepare(&model, 3.0);
+    let step = DynamicsModel::<f64, 6>::prepare(&model, 0.0, 3.0);
     assert_eq!(model.propagate(&step, &x, [2.0, 0.0, -2.0]), [22.0, 17.0, 12.0, 10.0, 5.0, 0.0]);
     let q = DynamicsModel::<f64, 6>::process_noise(&model, &step, &x);
     assert_eq!([q[0][0], q[0][3], q[3][3], q[0][2]], [18.0, 9.0, 6.0, 0.0]);
@@ -163,7 +168,7 @@ where
     M: Vector<N>,
 {
     let (model, x, u, dt) = M::specimen();
-    let step = model.prepare(dt);
+    let step = model.prepare(0.0, dt);
     let (_, phi) = model.transition(&step, &x, u);
     let mut covariance = [[0.0; N]; N];
     for (i, row) in covariance.iter_mut().enumerate() {

@@ -223,7 +223,7 @@ impl<T: Real> DynamicsModel<T, 6> for ClohessyWiltshire {
     type Control = [T; 3];
     type Step = Step;
 
-    fn prepare(&self, dt: f64) -> Step {
+    fn prepare(&self, _time: f64, dt: f64) -> Step {
         Step { phi: self.phi(dt), response: self.response(dt), noise: self.noise(dt) }
     }
 
