@@ -24,10 +24,10 @@ from losnav.pose import (
 )
 
 if TYPE_CHECKING:
-    from losnav import campaign, consistency, scenarios
+    from losnav import campaign, consistency, scenarios, star_tracker
 
 # Imported when first asked for: solving poses needs none of them.
-_LATER = ("campaign", "consistency", "scenarios")
+_LATER = ("campaign", "consistency", "scenarios", "star_tracker")
 
 __all__ = [
     "DegenerateGeometryError",
@@ -54,6 +54,7 @@ __all__ = [
     "sensors",
     "solve_pose",
     "solve_pose_robust",
+    "star_tracker",
 ]
 
 
