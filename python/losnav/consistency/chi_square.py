@@ -1,14 +1,7 @@
-"""Is an estimator as good as it says?  Chi-square bounds and confidence intervals.
+"""Chi-square functions without SciPy, and the exact band of an average of chi-square variables.
 
-A normalised squared error (NEES, NIS, the chi² of a fit) of a consistent estimator follows a chi-square law
-whose degrees of freedom are known, so a Monte Carlo mean has an *exact* acceptance band and needs no rule of
-thumb. This module holds the distribution functions that band needs, with NumPy as the only dependency, and
-two intervals for quantities that are not chi-square: the exact binomial interval of Clopper and Pearson
-(success rates) and the percentile bootstrap (medians, means of iteration counts).
-
-Sources: incomplete gamma and beta functions by series and by modified Lentz continued fractions (Abramowitz &
-Stegun 6.5.29, 6.5.31, 26.5.8); Clopper & Pearson, Biometrika 26 (1934); Bar-Shalom, Li & Kirubarajan (2001),
-section 5.4, for the NEES test.
+Sources: incomplete gamma function by series and by modified Lentz continued fraction (Abramowitz & Stegun
+6.5.29, 6.5.31); Bar-Shalom, Li & Kirubarajan (2001), section 5.4, for the test.
 """
 
 from __future__ import annotations
@@ -19,17 +12,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from losnav._arrays import as_float64, finite
+from losnav._arrays import as_float64
 from losnav.errors import InvalidInputError
 
-__all__ = [
-    "binomial_interval",
-    "bootstrap_interval",
-    "chi2_cdf",
-    "chi2_quantile",
-    "chi2_sf",
-    "nees_bounds",
-]
+__all__ = ["chi2_cdf", "chi2_quantile", "chi2_sf", "nees_bounds"]
 
 # A term or factor closer to its limit than this no longer changes a double.
 _RELATIVE_END = 1e-16
@@ -236,140 +222,13 @@ def nees_bounds(dof: float, runs: int = 1, confidence: float = 0.999) -> tuple[f
     """
     if runs < 1:
         raise InvalidInputError(f"runs: expected at least 1, got {runs}")
-    tail = 0.5 * (1.0 - _checked_confidence(confidence))
+    tail = 0.5 * (1.0 - checked_confidence(confidence))
     low, high = chi2_quantile([tail, 1.0 - tail], float(dof) * runs)
     return float(low) / runs, float(high) / runs
 
 
-def _checked_confidence(confidence: float) -> float:
+def checked_confidence(confidence: float, name: str = "confidence") -> float:
+    """The confidence, if it is one."""
     if not 0.0 < confidence < 1.0:
-        raise InvalidInputError(f"confidence: expected a number in (0, 1), got {confidence}")
+        raise InvalidInputError(f"{name}: expected a number in (0, 1), got {confidence}")
     return confidence
-
-
-def _incomplete_beta(a: float, b: float, x: float) -> float:
-    """Regularised incomplete beta I_x(a, b) by its continued fraction (A&S 26.5.8), on the side where it
-    converges fast."""
-    if x <= 0.0 or x >= 1.0:
-        return float(x >= 1.0)
-    if x > (a + 1.0) / (a + b + 2.0):
-        return 1.0 - _incomplete_beta(b, a, 1.0 - x)
-    front = math.exp(
-        math.lgamma(a + b) - math.lgamma(a) - math.lgamma(b) + a * math.log(x) + b * math.log1p(-x)
-    )
-    c, d = 1.0, 1.0 / (1.0 - (a + b) * x / (a + 1.0) or _TINY)
-    h = d
-    for m in range(1, _MAX_TERMS):
-        even = m * (b - m) * x / ((a + 2 * m - 1.0) * (a + 2 * m))
-        odd = -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1.0))
-        for numerator in (even, odd):
-            d = 1.0 / (1.0 + numerator * d or _TINY)
-            c = 1.0 + numerator / c or _TINY
-            h *= c * d
-        if abs(c * d - 1.0) < _RELATIVE_END:
-            break
-    return front * h / a
-
-
-def _beta_quantile(p: float, a: float, b: float) -> float:
-    low, high = 0.0, 1.0
-    for _ in range(200):
-        middle = 0.5 * (low + high)
-        if middle in (low, high):
-            break
-        low, high = (middle, high) if _incomplete_beta(a, b, middle) < p else (low, middle)
-    return 0.5 * (low + high)
-
-
-def binomial_interval(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Exact (Clopper–Pearson) interval of a success probability.
-
-    Parameters
-    ----------
-    successes, trials : int
-        ``0 <= successes <= trials``, ``trials >= 1``.
-    confidence : float
-        Two-sided coverage (at least this much, whatever the true probability), in (0, 1).
-
-    Returns
-    -------
-    (low, high) : tuple of float
-        Bounds of the probability, in [0, 1].
-
-    Raises
-    ------
-    InvalidInputError
-        If the counts are impossible or ``confidence`` is outside (0, 1).
-
-    Examples
-    --------
-    >>> from losnav.consistency import binomial_interval
-    >>> [round(p, 4) for p in binomial_interval(100, 100)]
-    [0.9638, 1.0]
-    """
-    k, n = int(successes), int(trials)
-    if n < 1 or not 0 <= k <= n:
-        raise InvalidInputError(
-            f"successes, trials: expected 0 <= successes <= trials and trials >= 1, got {k}, {n}"
-        )
-    tail = 0.5 * (1.0 - _checked_confidence(confidence))
-    low = 0.0 if k == 0 else _beta_quantile(tail, k, n - k + 1)
-    high = 1.0 if k == n else _beta_quantile(1.0 - tail, k + 1, n - k)
-    return low, high
-
-
-def bootstrap_interval(
-    samples: ArrayLike,
-    statistic: Callable[..., NDArray[np.float64]] = np.mean,
-    *,
-    confidence: float = 0.95,
-    resamples: int = 1000,
-    seed: int = 0,
-) -> tuple[float, float]:
-    """Percentile bootstrap interval of a statistic of independent samples.
-
-    Parameters
-    ----------
-    samples : array_like, (runs,)
-        Independent values, one for each Monte Carlo run.
-    statistic : callable
-        ``statistic(values, axis=...)``, for example ``np.mean`` or ``np.median``.
-    confidence : float
-        Two-sided coverage in (0, 1); approximate, as always with the bootstrap.
-    resamples : int
-        Number of resampled data sets.
-    seed : int
-        Seed of the resampling, so that the interval is reproducible.
-
-    Returns
-    -------
-    (low, high) : tuple of float
-        Same unit as the samples.
-
-    Raises
-    ------
-    InvalidInputError
-        If there is no sample or ``confidence`` is outside (0, 1).
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from losnav.consistency import bootstrap_interval
-    >>> low, high = bootstrap_interval(np.arange(100.0), np.median)
-    >>> bool(low < 49.5 < high)
-    True
-    """
-    values = finite(samples, "samples").ravel()
-    if values.size == 0:
-        raise InvalidInputError("samples: expected at least one value, got none")
-    tail = 0.5 * (1.0 - _checked_confidence(confidence))
-    rng = np.random.default_rng(seed)
-    draws = np.empty(resamples)
-    # Blocks bound the memory at about 8 MB whatever the number of samples.
-    block = max(1, 1_000_000 // values.size)
-    for start in range(0, resamples, block):
-        count = min(block, resamples - start)
-        picks = rng.integers(0, values.size, size=(count, values.size))
-        draws[start : start + count] = statistic(values[picks], axis=-1)
-    low, high = np.quantile(draws, [tail, 1.0 - tail])
-    return float(low), float(high)
