@@ -24,6 +24,9 @@ RANGES = np.linalg.norm(LANDMARKS - POSITION, axis=1)
 MAP = np.broadcast_to(np.diag([0.25, 1, 4]), COVARIANCE.shape).copy()
 ORBIT = ln.dynamics.ClohessyWiltshire(2.0**-10, 2.0**-20)
 SENSOR = ln.sensors.LineOfSight(LANDMARKS, 2.0**-12)
+TARGET = LANDMARKS[2]
+CAMERA = ln.sensors.RangeBearing(0.25, 2.0**-10)
+LASER, DOPPLER = ln.sensors.Range(0.25), ln.sensors.RangeRate(2.0**-7)
 GUESS = np.concatenate([POSITION + np.array([1, -1, 2]), MRP + 0.015625])
 
 
@@ -71,6 +74,10 @@ CALLS = {
     "ClohessyWiltshire.process_noise": Call(ORBIT.process_noise, {"state": STATE}, {"dt": 60.0}),
     "LineOfSight.predict": Call(SENSOR.predict, {"state": STATE, "dcm": DCM}, {}),
     "LineOfSight.jacobian": Call(SENSOR.jacobian, {"state": STATE, "dcm": DCM}, {}),
+    "RangeBearing.predict": Call(CAMERA.predict, {"state": STATE, "dcm": DCM, "target": TARGET}, {}),
+    "RangeBearing.jacobian": Call(CAMERA.jacobian, {"state": STATE, "dcm": DCM}, {}),
+    "Range.predict": Call(LASER.predict, {"state": STATE, "target": TARGET}, {}),
+    "RangeRate.jacobian": Call(DOPPLER.jacobian, {"state": STATE}, {}),
     "solve_pose": Call(
         ln.solve_pose, {"landmarks": LANDMARKS, "los": LOS, "sigma": SIGMA, "guess": GUESS}, {}
     ),

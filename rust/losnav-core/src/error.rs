@@ -18,6 +18,12 @@ pub enum ModelError {
         /// Which landmark.
         index: usize,
     },
+    /// The observer stands on the target.
+    AtTarget,
+    /// The square of the range to the target is beyond the largest number.
+    TargetTooFar,
+    /// The target is straight along the body's z axis: its azimuth is undefined.
+    PolarAxis,
 }
 
 impl core::fmt::Display for ModelError {
@@ -26,6 +32,11 @@ impl core::fmt::Display for ModelError {
             Self::ZeroRange { index } => write!(f, "landmark {index} coincides with the observer"),
             Self::RangeOverflow { index } => write!(f, "landmark {index} is too far away for its range"),
             Self::BehindCamera { index } => write!(f, "landmark {index} is behind the camera"),
+            Self::AtTarget => write!(f, "the target coincides with the observer"),
+            Self::TargetTooFar => write!(f, "the target is too far away for its range"),
+            Self::PolarAxis => {
+                write!(f, "the target is on the z axis of the body, where its azimuth is undefined")
+            }
         }
     }
 }

@@ -164,6 +164,10 @@ impl Real for F64x4 {
         Self(unsafe { _mm256_max_pd(other.0, self.0) })
     }
     #[inline(always)]
+    fn round(self) -> Self {
+        Self(unsafe { _mm256_round_pd::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(self.0) })
+    }
+    #[inline(always)]
     fn lt(self, other: Self) -> Mask4 {
         Mask4(unsafe { _mm256_cmp_pd::<_CMP_LT_OQ>(self.0, other.0) })
     }
@@ -305,6 +309,10 @@ impl Real for F64x8 {
         Self(unsafe { _mm512_max_pd(other.0, self.0) })
     }
     #[inline(always)]
+    fn round(self) -> Self {
+        Self(unsafe { _mm512_roundscale_pd::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(self.0) })
+    }
+    #[inline(always)]
     fn lt(self, other: Self) -> Mask8 {
         Mask8(unsafe { _mm512_cmp_pd_mask::<_CMP_LT_OQ>(self.0, other.0) })
     }
@@ -394,6 +402,10 @@ impl Real for Fused {
     #[inline(always)]
     fn max(self, other: Self) -> Self {
         if self.0 < other.0 { other } else { self }
+    }
+    #[inline(always)]
+    fn round(self) -> Self {
+        Self(Real::round(self.0))
     }
     #[inline(always)]
     fn lt(self, other: Self) -> bool {

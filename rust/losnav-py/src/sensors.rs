@@ -3,7 +3,7 @@
 use losnav_core::error::ModelError;
 use losnav_core::models::kinematics::Kinematics;
 use losnav_core::models::linearization::{Recorder, Row, Weight};
-use losnav_core::models::sensors::{Law, LineOfSight, SensorModel};
+use losnav_core::models::sensors::{Law, LineOfSight, Range, RangeBearing, RangeRate, SensorModel};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use rayon::prelude::*;
@@ -40,6 +40,30 @@ impl Parameters for LineOfSight<'_, f64> {
         let landmarks = parameters.first().map_or(&[][..], |p| p.of(k).as_chunks::<3>().0);
         let los = vec![[0.0; 3]; landmarks.len()];
         law.examine(&LineOfSight { landmarks, los: &los, weights: &[Weight::Scalar(1.0)] });
+    }
+}
+
+/// The target, the first array of every sensor of one.
+fn target(parameters: &[Parameter<'_>], k: usize) -> [f64; 3] {
+    parameters.first().and_then(|p| p.of(k).first_chunk::<3>().copied()).unwrap_or([f64::NAN; 3])
+}
+
+impl Parameters for RangeBearing<f64> {
+    fn show(parameters: &[Parameter<'_>], k: usize, law: &mut impl Law<f64>) {
+        let target = target(parameters, k);
+        law.examine(&RangeBearing { measurement: [0.0; 3], sigma_range: 1.0, sigma_angle: 1.0, target });
+    }
+}
+
+impl Parameters for Range<f64> {
+    fn show(parameters: &[Parameter<'_>], k: usize, law: &mut impl Law<f64>) {
+        law.examine(&Range { measurement: [0.0], sigma: 1.0, target: target(parameters, k) });
+    }
+}
+
+impl Parameters for RangeRate<f64> {
+    fn show(parameters: &[Parameter<'_>], k: usize, law: &mut impl Law<f64>) {
+        law.examine(&RangeRate { measurement: [0.0], sigma: 1.0, target: target(parameters, k) });
     }
 }
 

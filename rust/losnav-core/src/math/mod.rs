@@ -4,4 +4,5 @@ pub mod rotation;
 pub mod so3;
 pub mod sym6;
 pub mod triangular6;
+pub mod trig;
 pub mod vec3;

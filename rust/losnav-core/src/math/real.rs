@@ -98,6 +98,8 @@ pub trait Real:
     fn abs(self) -> Self;
     /// The larger of two.
     fn max(self, other: Self) -> Self;
+    /// The nearest whole number, half to even, of one below `1/4 EPSILON`; a constant: derivatives end here.
+    fn round(self) -> Self;
     /// `self < other`, false with NaN.
     fn lt(self, other: Self) -> Self::Mask;
     /// `self <= other`, false with NaN.
@@ -159,6 +161,12 @@ macro_rules! scalar {
             #[inline(always)]
             fn max(self, other: Self) -> Self {
                 if self < other { other } else { self }
+            }
+            #[inline(always)]
+            fn round(self) -> Self {
+                // The spacing of numbers is one there; without std and SSE4 rounding is a library call.
+                let shift = 1.5 / $t::EPSILON;
+                (self + shift) - shift
             }
             #[inline(always)]
             fn lt(self, other: Self) -> bool {

@@ -8,8 +8,15 @@ use crate::error::ModelError;
 use crate::math::real::Real;
 
 pub mod line_of_sight;
+pub mod range;
+pub mod range_bearing;
+pub mod range_rate;
+mod target;
 
 pub use line_of_sight::LineOfSight;
+pub use range::Range;
+pub use range_bearing::RangeBearing;
+pub use range_rate::RangeRate;
 
 /// A measurement and its model: linearises `z ⊟ h(x)` at a state.
 ///
@@ -46,6 +53,6 @@ pub trait Specimen<T: Real> {
 #[macro_export]
 macro_rules! sensors {
     ($then:ident) => {
-        $then! { LineOfSight }
+        $then! { LineOfSight, RangeBearing, Range, RangeRate }
     };
 }

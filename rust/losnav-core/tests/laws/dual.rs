@@ -97,6 +97,9 @@ impl<T: Real> Real for Dual<T> {
     fn max(self, other: Self) -> Self {
         Self::select(self.lt(other), other, self)
     }
+    fn round(self) -> Self {
+        Self { value: self.value.round(), slope: T::zero() }
+    }
     fn lt(self, other: Self) -> T::Mask {
         self.value.lt(other.value)
     }

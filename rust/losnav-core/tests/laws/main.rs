@@ -9,6 +9,7 @@ mod rotations;
 mod scene;
 mod sensors;
 mod sym6;
+mod trig;
 
 /// A chain of some hundred double-precision operations, relative to the largest number in it.
 pub const SAME_FORMULA: f64 = 1e-12;

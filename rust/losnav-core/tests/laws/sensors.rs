@@ -5,7 +5,7 @@ use losnav_core::estimators::normal_equations::{NormalEquations, NormalEquations
 use losnav_core::math::real::Real;
 use losnav_core::models::kinematics::Kinematics;
 use losnav_core::models::linearization::{Linearization, Recorder, Row, Sink, Weight};
-use losnav_core::models::sensors::{Law, LineOfSight, SensorModel, Specimen};
+use losnav_core::models::sensors::{Law, LineOfSight, Range, RangeBearing, RangeRate, SensorModel, Specimen};
 
 use crate::dual::First;
 use crate::scene::{moved, observer, truth};
@@ -144,4 +144,37 @@ fn a_recorder_without_room_counts_and_drops() {
     sensor.linearize(&observer(), &mut recorder).unwrap();
     assert_eq!(recorder.offered(), 6);
     assert_ne!(rows[3], Row::zero());
+}
+
+#[test]
+fn a_target_straight_ahead_has_no_bearing() {
+    // Attitude of the identity: body axes are those of the reference.
+    let dcm = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let outcome = |position: [f64; 3]| {
+        let x = Kinematics { position, velocity: [1.0, 0.0, 0.0], dcm };
+        let (target, mut rows) = ([1.0, 2.0, 3.0], [Row::zero(); 3]);
+        let camera = RangeBearing { measurement: [0.0; 3], sigma_range: 1.0, sigma_angle: 1.0, target };
+        let mut recorder = Recorder::new(&mut rows);
+        [
+            camera.linearize(&x, &mut recorder),
+            Range { measurement: [0.0], sigma: 1.0, target }.linearize(&x, &mut recorder),
+            RangeRate { measurement: [0.0], sigma: 1.0, target }.linearize(&x, &mut recorder),
+        ]
+    };
+    assert_eq!(outcome([1.0, 2.0, 3.0]), [Err(ModelError::AtTarget); 3]);
+    assert_eq!(outcome([1e200, 2.0, 1.0]), [Err(ModelError::TargetTooFar); 3]);
+    assert_eq!(outcome([1.0, 2.0, -50.0]), [Err(ModelError::PolarAxis), Ok(()), Ok(())]);
+}
+
+#[test]
+fn bearings_are_compared_the_short_way_round() {
+    let dcm = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    // The target is behind: azimuth −3.0 rad.
+    let x = Kinematics { position: [10.0, 10.0 * 0.142_546_543_074_277_8, 0.0], velocity: [0.0; 3], dcm };
+    let sensor =
+        RangeBearing { measurement: [10.0, 3.1, 0.2], sigma_range: 1.0, sigma_angle: 1.0, target: [0.0; 3] };
+    let mut rows = [Row::zero(); 3];
+    sensor.linearize(&x, &mut Recorder::new(&mut rows)).unwrap();
+    assert_close(rows[1].innovation, 6.1 - 2.0 * core::f64::consts::PI, 1.0, SAME_FORMULA);
+    assert_close(rows[2].innovation, 0.2, 1.0, SAME_FORMULA);
 }

@@ -1,14 +1,4 @@
-"""What is measured of a state: prediction, Jacobian and simulation of the built-in sensors.
-
-A sensor is a small frozen object. A state is one of
-
-* ``(..., 3)`` position or ``(..., 6)`` ``[r v]``, with the known attitude as context: ``dcm=`` body from
-reference; * ``(position, mrp)``, a tuple of two arrays, or an object with these attributes such as a
-``PoseSolution``.
-
-Jacobian columns follow the state's tangent: ``[dr]``, ``[dr dv]``, or ``[dp dalpha]`` with the attitude error
-in body axes. States, attitudes and landmarks broadcast over leading dimensions.
-"""
+"""Directions to known landmarks."""
 
 from __future__ import annotations
 
@@ -17,68 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from losnav import _core
-from losnav._arrays import (
-    ArrayLike,
-    FloatArray,
-    broadcast,
-    finite,
-    in_range,
-    points,
-    positive,
-    rotations,
-    vectors,
-)
-from losnav.attitude import dcm_from_mrp
+from losnav._arrays import ArrayLike, FloatArray, points, positive, vectors
 from losnav.errors import InvalidInputError
-
-__all__ = ["LineOfSight"]
-
-# Columns of the engine's rows, [dp dv dalpha], that each kind of state has.
-POSITION = np.arange(3)
-POSITION_VELOCITY = np.arange(6)
-POSE = np.array([0, 1, 2, 6, 7, 8])
-
-
-@dataclass(frozen=True)
-class _Observer:
-    """Position, velocity and attitude of a state, and which columns its tangent has."""
-
-    position: FloatArray
-    velocity: FloatArray
-    dcm: FloatArray
-    columns: np.ndarray[Any, np.dtype[np.intp]]
-
-
-def _observer(state: Any, dcm: ArrayLike | None) -> _Observer:
-    if hasattr(state, "position") and hasattr(state, "mrp"):
-        state = (state.position, state.mrp)
-    if isinstance(state, tuple) and len(state) == 2:
-        if dcm is not None:
-            raise InvalidInputError("dcm: the state has an attitude of its own; give one or the other")
-        position = vectors(state[0], "position")
-        return _Observer(position, np.zeros(3), dcm_from_mrp(vectors(state[1], "mrp")), POSE)
-    array = finite(state, "state")
-    if array.ndim < 1 or array.shape[-1] not in (3, 6):
-        raise InvalidInputError(
-            f"state: expected shape (..., 3), (..., 6) or a tuple (position, mrp), got {array.shape}"
-        )
-    if dcm is None:
-        raise InvalidInputError(
-            "dcm: expected the attitude (body from reference), which this state does not hold"
-        )
-    attitude = rotations(dcm, "dcm")
-    if array.shape[-1] == 3:
-        return _Observer(array, np.zeros(3), attitude, POSITION)
-    return _Observer(array[..., :3], array[..., 3:], attitude, POSITION_VELOCITY)
+from losnav.sensors.listed import Listed
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class LineOfSight:
+class LineOfSight(Listed):
     """Unit directions from the observer to known landmarks, in body axes (equations 4, 7).
 
     Measurement ``(..., 3 N)``: the N directions one after another, ``b = dcm @ (L - p) / |L - p|``. Each has
-    two degrees of freedom; to first order the third component is void.
+    two degrees of freedom; to first order the third component is void. A state relative to a target sees it
+    at ``landmarks=[[0, 0, 0]]``: angles-only relative navigation.
 
     Parameters
     ----------
@@ -232,23 +172,4 @@ class LineOfSight:
     def _linearize(
         self, state: Any, dcm: ArrayLike | None, landmarks: ArrayLike | None
     ) -> tuple[FloatArray, FloatArray]:
-        marks = self._landmarks(landmarks)
-        if dcm is not None and marks.ndim == 2 and not isinstance(state, tuple):
-            single = _core.sensor_single(type(self).__name__, (marks,), state, dcm)
-            if single is not None:
-                predicted, jacobian = single
-                return predicted, jacobian[:, : np.shape(state)[-1]]
-        x = _observer(state, dcm)
-        named = (("position", x.position, 1), ("velocity", x.velocity, 1), ("dcm", x.dcm, 2))
-        if marks.ndim == 2:
-            shape, (p, v, a) = broadcast(*named)
-            marks = marks[np.newaxis]
-        else:
-            shape, (p, v, a, marks) = broadcast(*named, ("landmarks", marks, 2))
-        predicted, jacobian = _core.sensor_linearize(type(self).__name__, (marks,), p, v, a)
-        in_range(jacobian, "state or landmarks")
-        rows = 3 * marks.shape[-2]
-        return (
-            np.asarray(predicted).reshape((*shape, rows)),
-            np.asarray(jacobian).reshape((*shape, rows, 9))[..., x.columns],
-        )
+        return self._ask(state, dcm, self._landmarks(landmarks), "landmarks", 2)

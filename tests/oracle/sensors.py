@@ -1,0 +1,43 @@
+"""Sensors of one target: predictions, complex-safe; Jacobians by complex step."""
+
+from __future__ import annotations
+
+import numpy as np
+
+STEP = 1e-30
+
+
+def arctangent(y, x):
+    """atan2 that keeps the imaginary part of a complex step: the slope of the angle is (x dy - y dx)/r^2."""
+    angle = np.arctan2(y.real, x.real)
+    slope = (x.real * y.imag - y.real * x.imag) / (x.real**2 + y.real**2)
+    return angle + 1j * slope
+
+
+def range_bearing(position, dcm, target):
+    """Equation (8): L = C (target - r); rho, azimuth, elevation as the arcsine the publication prints."""
+    line = dcm @ (target - position)
+    rho = np.sqrt(line @ line)
+    return np.array([rho, arctangent(line[1] + 0j, line[0] + 0j), np.arcsin(line[2] / rho)])
+
+
+def distance(position, target):
+    d = position - target
+    return np.array([np.sqrt(d @ d)])
+
+
+def distance_rate(position, velocity, target):
+    """Half the rate of the squared distance, over the distance."""
+    d = position - target
+    return np.array([d @ velocity / np.sqrt(d @ d)])
+
+
+def jacobian(h, *points):
+    """Derivative of ``h`` along all components of its arguments, by complex step."""
+    sizes = [len(p) for p in points]
+    columns = []
+    for k in range(sum(sizes)):
+        nudged = np.concatenate(points).astype(complex)
+        nudged[k] += 1j * STEP
+        columns.append(h(*np.split(nudged, np.cumsum(sizes)[:-1])).imag / STEP)
+    return np.array(columns).T
