@@ -1,11 +1,21 @@
 """Star trackers of one or many heads: fusion, covariance, layout, alignment, catalogue directions."""
 
+from losnav.star_tracker.catalogue import (
+    ASTRONOMICAL_UNIT,
+    JULIAN_YEAR,
+    SPEED_OF_LIGHT,
+    aberrate,
+    catalogue_covariance,
+    catalogue_directions,
+    remove_aberration,
+)
 from losnav.star_tracker.covariance import (
     fused_covariance,
     fused_covariance_from_stars,
     fused_information,
     star_information,
 )
+from losnav.star_tracker.crosscheck import detection_power, fuse_attitudes
 from losnav.star_tracker.ellipsoid import (
     ellipsoid_points,
     half_width,
@@ -14,20 +24,32 @@ from losnav.star_tracker.ellipsoid import (
     sandwich_ratio,
 )
 from losnav.star_tracker.field import boresight_ratio, head_covariance
+from losnav.star_tracker.fused_attitude import FusedAttitude
 from losnav.star_tracker.heads import Head
 from losnav.star_tracker.mounting import consider_covariance, mounting_bias, mounting_sensitivity
 from losnav.star_tracker.star_noise import PixelNoise, QuestNoise, StarNoise
 from losnav.star_tracker.sweep import SeparationSweep, separation_boresights, separation_sweep
+from losnav.star_tracker.timing import epoch_covariance, to_epoch
 
 __all__ = [
+    "ASTRONOMICAL_UNIT",
+    "JULIAN_YEAR",
+    "SPEED_OF_LIGHT",
+    "FusedAttitude",
     "Head",
     "PixelNoise",
     "QuestNoise",
     "SeparationSweep",
     "StarNoise",
+    "aberrate",
     "boresight_ratio",
+    "catalogue_covariance",
+    "catalogue_directions",
     "consider_covariance",
+    "detection_power",
     "ellipsoid_points",
+    "epoch_covariance",
+    "fuse_attitudes",
     "fused_covariance",
     "fused_covariance_from_stars",
     "fused_information",
@@ -37,8 +59,10 @@ __all__ = [
     "intersection_intercept",
     "mounting_bias",
     "mounting_sensitivity",
+    "remove_aberration",
     "sandwich_ratio",
     "separation_boresights",
     "separation_sweep",
     "star_information",
+    "to_epoch",
 ]
