@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from losnav import attitude, dynamics, noise, observability, sensors
 from losnav._core import __version__
+from losnav.attitude_determination import AttitudeSolution, solve_attitude
 from losnav.errors import (
     DegenerateGeometryError,
     InvalidInputError,
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 _LATER = ("campaign", "consistency", "scenarios", "star_tracker")
 
 __all__ = [
+    "AttitudeSolution",
     "DegenerateGeometryError",
     "InvalidInputError",
     "LosnavError",
@@ -52,6 +54,7 @@ __all__ = [
     "predict_los",
     "scenarios",
     "sensors",
+    "solve_attitude",
     "solve_pose",
     "solve_pose_robust",
     "star_tracker",

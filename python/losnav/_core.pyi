@@ -10,8 +10,10 @@ from losnav.observability import PoseObservability
 
 __all__ = [
     "ISA",
+    "AttitudeSolution",
     "PoseSolution",
     "__version__",
+    "attitude_solution",
     "dcm_from_mrp",
     "dcm_from_quaternion",
     "dynamics_process_noise",
@@ -32,6 +34,7 @@ __all__ = [
     "rotation_error",
     "sensor_linearize",
     "sensor_single",
+    "solve_attitude",
     "solve_pose",
     "solve_pose_robust",
 ]
@@ -186,3 +189,51 @@ class PoseSolution:
         others: _Floats,
         inliers: Sequence[bool] | None,
     ) -> PoseSolution: ...
+
+# attitude from vectors
+
+def solve_attitude(
+    body: npt.ArrayLike,
+    reference: npt.ArrayLike,
+    sigma: npt.ArrayLike,
+    method: str,
+    on_error: str,
+    /,
+) -> AttitudeSolution: ...
+def attitude_solution(
+    quaternion: _Floats, information: _Floats, chi2: _Floats, dof: _Floats, /
+) -> AttitudeSolution: ...
+
+@final
+class AttitudeSolution:
+    """What an attitude determination returns: every field has the shape of the batch."""
+
+    @property
+    def dcm(self) -> _Floats: ...
+    @property
+    def quaternion(self) -> _Floats: ...
+    @property
+    def mrp(self) -> _Floats: ...
+    @property
+    def covariance(self) -> _Floats: ...
+    @property
+    def information(self) -> _Floats: ...
+    @property
+    def loss(self) -> Any: ...
+    @property
+    def chi2(self) -> Any: ...
+    @property
+    def dof(self) -> Any: ...
+    @property
+    def rank(self) -> Any: ...
+    @property
+    def free_axis(self) -> _Floats: ...
+    @property
+    def converged(self) -> Any: ...
+    @property
+    def inliers(self) -> npt.NDArray[np.bool_] | None: ...
+    def __reduce__(self) -> tuple[Callable[..., AttitudeSolution], tuple[Any, ...]]: ...
+    @staticmethod
+    def _restore(
+        shape: Sequence[int], single: bool, records: _Floats, inliers: Sequence[bool] | None
+    ) -> AttitudeSolution: ...

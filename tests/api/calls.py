@@ -27,6 +27,8 @@ SENSOR = ln.sensors.LineOfSight(LANDMARKS, 2.0**-12)
 TARGET = LANDMARKS[2]
 CAMERA = ln.sensors.RangeBearing(0.25, 2.0**-10)
 LASER, DOPPLER = ln.sensors.Range(0.25), ln.sensors.RangeRate(2.0**-7)
+BODY = LOS @ np.eye(3)
+REFERENCE = BODY @ DCM
 GUESS = np.concatenate([POSITION + np.array([1, -1, 2]), MRP + 0.015625])
 
 
@@ -85,6 +87,10 @@ CALLS = {
     "solve_pose covariance": Call(
         ln.solve_pose, {"landmarks": LANDMARKS, "los": LOS, "covariance": COVARIANCE, "guess": GUESS}, {}
     ),
+    "solve_attitude": Call(ln.solve_attitude, {"body": BODY, "reference": REFERENCE, "sigma": SIGMA}, {}),
+    "solve_attitude svd": Call(
+        ln.solve_attitude, {"body": BODY, "reference": REFERENCE, "sigma": SIGMA}, {"method": "svd"}
+    ),
     "solve_pose_robust": Call(
         getattr(ln, "solve_pose_robust", None),
         {"landmarks": LANDMARKS, "los": LOS, "sigma": SIGMA},
@@ -107,12 +113,26 @@ SOLUTION_FIELDS = (
     "iterations",
     "converged",
 )
+ATTITUDE_FIELDS = (
+    "dcm",
+    "quaternion",
+    "mrp",
+    "covariance",
+    "information",
+    "loss",
+    "chi2",
+    "dof",
+    "rank",
+    "converged",
+)
 
 
 def numbers(result):
     """The numerical content of any result as a list of arrays."""
     if isinstance(result, np.ndarray):
         return [result]
+    if hasattr(result, "free_axis"):
+        return [np.asarray(getattr(result, field)) for field in ATTITUDE_FIELDS]
     if hasattr(result, "termination"):
         return [np.asarray(getattr(result, field)) for field in SOLUTION_FIELDS]
     return [np.asarray(result.rank), np.asarray(result.singular_values), np.asarray(result.degree)]

@@ -5,7 +5,20 @@ import pytest
 
 import losnav as ln
 from losnav import InvalidInputError
-from tests.api.calls import CALLS, COVARIANCE, DOORS, GUESS, LANDMARKS, LOS, MRP, POSITION, SIGMA, same
+from tests.api.calls import (
+    BODY,
+    CALLS,
+    COVARIANCE,
+    DOORS,
+    GUESS,
+    LANDMARKS,
+    LOS,
+    MRP,
+    POSITION,
+    REFERENCE,
+    SIGMA,
+    same,
+)
 
 # A covariance with NaN in it breaks its own rule first.
 NUMBER_RULE = {"covariance": "symmetric positive definite|finite"}
@@ -233,6 +246,72 @@ def test_batches_that_do_not_broadcast():
         ln.predict_los(LANDMARKS, np.ones((2, 3)), np.ones((3, 3)))
     with pytest.raises(InvalidInputError, match=r"guess|los"):
         ln.solve_pose(LANDMARKS, np.stack([LOS] * 2), sigma=1e-4, guess=np.stack([GUESS] * 3))
+
+
+# --- attitude from vectors ----------------------------------------------------------------------------
+
+
+def test_no_directions_at_all():
+    with pytest.raises(InvalidInputError, match=r"body.*at least 1"):
+        ln.solve_attitude(BODY[:0], REFERENCE[:0])
+
+
+def test_directions_without_a_partner():
+    with pytest.raises(InvalidInputError, match=r"reference.*each of the 6 of body, got 5"):
+        ln.solve_attitude(BODY, REFERENCE[:-1])
+
+
+@pytest.mark.parametrize("factor", [0.0, 0.5, 1.1, 2.0, 1e300, -2.0])
+@pytest.mark.parametrize("argument", ["body", "reference"])
+def test_attitude_directions_that_are_not_unit(argument, factor):
+    arrays = {"body": BODY.copy(), "reference": REFERENCE.copy()}
+    arrays[argument][2] *= factor
+    with pytest.raises(InvalidInputError, match=rf"{argument}\[2\].*unit"):
+        ln.solve_attitude(**arrays)
+
+
+@pytest.mark.parametrize("bad", [-1.0, 1e-200, 1e200])
+def test_attitude_sigma_must_be_a_noise(bad):
+    with pytest.raises(InvalidInputError, match=r"sigma\[0\].*>= 0"):
+        ln.solve_attitude(BODY, REFERENCE, sigma=bad)
+    sigma = SIGMA.copy()
+    sigma[3] = bad
+    with pytest.raises(InvalidInputError, match=r"sigma\[3\].*>= 0"):
+        ln.solve_attitude(BODY, REFERENCE, sigma=sigma)
+
+
+def test_only_one_direction_can_be_exact():
+    sigma = SIGMA.copy()
+    sigma[[1, 4]] = 0.0
+    for given in (sigma, np.stack([SIGMA, sigma])):
+        with pytest.raises(InvalidInputError, match=r"sigma\[4\].*sigma\[1\] is 0 already"):
+            ln.solve_attitude(BODY, REFERENCE, sigma=given)
+    for given in (0.0, np.zeros(1)):
+        with pytest.raises(InvalidInputError, match=r"sigma\[1\].*only one"):
+            ln.solve_attitude(BODY, REFERENCE, sigma=given)
+    assert ln.solve_attitude(BODY[:1], REFERENCE[:1], sigma=0.0).rank == 2
+
+
+@pytest.mark.parametrize(("option", "bad"), [("method", "triad"), ("on_error", "ignore")])
+def test_attitude_options(option, bad):
+    with pytest.raises(InvalidInputError, match=option):
+        ln.solve_attitude(BODY, REFERENCE, **{option: bad})
+
+
+@pytest.mark.parametrize("method", ["quest", "svd"])
+def test_one_bad_attitude_of_a_batch(method):
+    body = np.stack([BODY] * 21)
+    good = ln.solve_attitude(body, REFERENCE, sigma=SIGMA, method=method)
+    body[11, 2, 1] = np.nan
+    with pytest.raises(InvalidInputError, match=r"body\[2, 1\].*finite.*problem 11"):
+        ln.solve_attitude(body, REFERENCE, sigma=SIGMA, method=method)
+    found = ln.solve_attitude(body, REFERENCE, sigma=SIGMA, method=method, on_error="nan")
+    rest = np.arange(21) != 11
+    assert np.array_equal(found.converged, rest)
+    for field in ("dcm", "quaternion", "mrp", "covariance", "information", "loss", "chi2", "free_axis"):
+        values = np.asarray(getattr(found, field))
+        assert np.isnan(values[11]).all(), field
+        assert np.array_equal(values[rest], np.asarray(getattr(good, field))[rest], equal_nan=True), field
 
 
 # --- one bad member of a batch ------------------------------------------------------------------------

@@ -20,6 +20,7 @@ POSITIONAL = {
     "los_jacobian": ["landmarks", "position", "mrp"],
     "solve_pose": ["landmarks", "los"],
     "solve_pose_robust": ["landmarks", "los"],
+    "solve_attitude": ["body", "reference"],
     "fisher_information": ["landmarks", "position", "mrp", "sigma"],
     "pose_observability": ["landmarks", "position"],
 }
@@ -38,6 +39,21 @@ SOLVE_POSE_DEFAULTS = {
     "on_error": "raise",
 }
 ROBUST_DEFAULTS = {"max_outlier_ratio": 0.6, "confidence": 0.9999, "seed": 0, "on_error": "raise"}
+SOLVE_ATTITUDE_DEFAULTS = {"sigma": 1.0, "method": "quest", "on_error": "raise"}
+ATTITUDE_FIELDS = [
+    "dcm",
+    "quaternion",
+    "mrp",
+    "covariance",
+    "information",
+    "loss",
+    "chi2",
+    "dof",
+    "rank",
+    "free_axis",
+    "converged",
+    "inliers",
+]
 SOLUTION_FIELDS = [
     "position",
     "mrp",
@@ -75,7 +91,12 @@ def test_positional_arguments(name):
 
 
 @pytest.mark.parametrize(
-    ("name", "defaults"), [("solve_pose", SOLVE_POSE_DEFAULTS), ("solve_pose_robust", ROBUST_DEFAULTS)]
+    ("name", "defaults"),
+    [
+        ("solve_pose", SOLVE_POSE_DEFAULTS),
+        ("solve_pose_robust", ROBUST_DEFAULTS),
+        ("solve_attitude", SOLVE_ATTITUDE_DEFAULTS),
+    ],
 )
 def test_options_are_keywords_with_these_defaults(name, defaults):
     found = parameters(name)
@@ -95,6 +116,11 @@ def test_robust_sigma_is_required():
 @pytest.mark.parametrize("field", SOLUTION_FIELDS)
 def test_solution_fields(field):
     assert hasattr(ln.PoseSolution, field)
+
+
+@pytest.mark.parametrize("field", ATTITUDE_FIELDS)
+def test_attitude_fields(field):
+    assert hasattr(ln.AttitudeSolution, field)
 
 
 @pytest.mark.parametrize(

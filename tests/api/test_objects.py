@@ -10,13 +10,16 @@ import numpy as np
 import pytest
 
 import losnav as ln
-from tests.api.calls import CALLS, COVARIANCE, GUESS, LANDMARKS, LOS, SIGMA, same
+from tests.api.calls import BODY, CALLS, COVARIANCE, GUESS, LANDMARKS, LOS, REFERENCE, SIGMA, same
 
 RESULTS = {
     "solution": lambda: ln.solve_pose(LANDMARKS, LOS, sigma=SIGMA, guess=GUESS),
     "guess-free solution": lambda: ln.solve_pose(LANDMARKS[:4], LOS[:4], sigma=1e-4),
     "batch of solutions": lambda: ln.solve_pose(LANDMARKS, np.stack([LOS] * 3), sigma=SIGMA),
     "robust solution": lambda: ln.solve_pose_robust(LANDMARKS, LOS, sigma=SIGMA),
+    "attitude": lambda: ln.solve_attitude(BODY, REFERENCE, sigma=SIGMA),
+    "batch of attitudes": lambda: ln.solve_attitude(np.stack([BODY] * 3), REFERENCE, sigma=SIGMA),
+    "free attitude": lambda: ln.solve_attitude(BODY[:1], REFERENCE[:1]),
     "observability": lambda: ln.pose_observability(LANDMARKS, GUESS[:3]),
 }
 
@@ -68,7 +71,7 @@ def test_invalid_input_is_a_value_error():
 @pytest.mark.parametrize("name", RESULTS)
 def test_results_are_frozen(name):
     result = RESULTS[name]()
-    field = "rank" if name == "observability" else "position"
+    field = "position" if "solution" in name else "rank"
     with pytest.raises((AttributeError, TypeError)):
         setattr(result, field, 0)
 

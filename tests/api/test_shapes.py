@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import losnav as ln
-from tests.api.calls import COVARIANCE, GUESS, LANDMARKS, LOS, MRP, POSITION, SIGMA
+from tests.api.calls import BODY, COVARIANCE, DCM, GUESS, LANDMARKS, LOS, MRP, POSITION, REFERENCE, SIGMA
 
 N = len(LANDMARKS)
 BATCHES = [(), (1,), (5,), (2, 3), (0,), (2, 0, 3), (17,)]
@@ -126,3 +126,38 @@ def test_any_number_of_landmarks(count):
     assert solution.converged
     assert np.allclose(solution.position, POSITION, rtol=0, atol=1e-6)
     assert solution.dof == 2 * count - 6
+
+
+@pytest.mark.parametrize("method", ["quest", "q-method", "svd", "foam", "esoq2"])
+@pytest.mark.parametrize("batch", BATCHES)
+def test_solve_attitude(batch, method):
+    cores = {
+        "dcm": (3, 3),
+        "quaternion": (4,),
+        "mrp": (3,),
+        "covariance": (3, 3),
+        "information": (3, 3),
+        "loss": (),
+        "chi2": (),
+        "dof": (),
+        "rank": (),
+        "free_axis": (3,),
+        "converged": (),
+    }
+    for body, reference, sigma in (
+        (repeat(BODY, batch), REFERENCE, 1e-4),
+        (repeat(BODY, batch), repeat(REFERENCE, batch), SIGMA),
+        (BODY, repeat(REFERENCE, batch), SIGMA),
+        (BODY, REFERENCE, repeat(SIGMA, batch)),
+        (BODY, REFERENCE, repeat(SIGMA[:1], batch)),
+    ):
+        solution = ln.solve_attitude(body, reference, sigma=sigma, method=method)
+        for field, core in cores.items():
+            assert np.shape(getattr(solution, field)) == batch + core, field
+        assert np.all(solution.converged)
+        assert np.allclose(solution.dcm, DCM, rtol=0, atol=1e-12)
+
+
+def test_solve_attitude_outer_product():
+    found = ln.solve_attitude(repeat(BODY, (4, 1)), repeat(REFERENCE, (3,)))
+    assert found.dcm.shape == (4, 3, 3, 3)

@@ -14,6 +14,10 @@ pub enum BadValue {
     NotUnit { argument: &'static str, row: usize, norm: f64 },
     /// A noise standard deviation that is not positive.
     NotPositive { argument: &'static str, row: usize, value: f64 },
+    /// A noise standard deviation below zero.
+    Negative { argument: &'static str, row: usize, value: f64 },
+    /// Two exact directions: one constraint too many.
+    ExactTwice { first: usize, second: usize },
     /// Two landmarks in one place.
     Duplicate { first: usize, second: usize },
     /// A covariance that is not symmetric positive (semi)definite.
@@ -39,6 +43,15 @@ impl BadValue {
             Self::NotPositive { argument, row, value } => {
                 format!("{argument}[{row}]: expected a positive finite number, got {value}{at}")
             }
+            Self::Negative { argument, row, value } => {
+                format!(
+                    "{argument}[{row}]: expected a finite number >= 0, its inverse square too, got {value}{at}"
+                )
+            }
+            Self::ExactTwice { first, second } => format!(
+                "sigma[{second}]: expected a positive number, got 0; sigma[{first}] is 0 already, and only one \
+                 direction can be exact{at}"
+            ),
             Self::Duplicate { first, second } => {
                 format!("landmarks[{second}]: duplicate of landmarks[{first}]; keep one of them{at}")
             }

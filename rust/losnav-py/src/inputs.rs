@@ -109,15 +109,19 @@ impl<'py> Arguments<'py> {
 }
 
 /// One argument: leading dimensions and core.
-struct Part<'a> {
-    name: &'static str,
-    lead: &'a [usize],
-    core: &'a [usize],
+pub struct Part<'a> {
+    /// Its name.
+    pub name: &'static str,
+    /// Leading dimensions.
+    pub lead: &'a [usize],
+    /// The others.
+    pub core: &'a [usize],
     data: &'a [f64],
 }
 
 impl<'a> Part<'a> {
-    fn new(
+    /// Splits the dimensions; `None` in `core` takes any extent.
+    pub fn new(
         name: &'static str,
         expected: &str,
         array: &'a Floats<'_>,
@@ -133,7 +137,8 @@ impl<'a> Part<'a> {
         Ok(Self { name, lead, core: tail, data: array.data() })
     }
 
-    fn rows(&self, shape: &[usize]) -> Rows<'a> {
+    /// Its rows in a batch of this shape.
+    pub fn rows(&self, shape: &[usize]) -> Rows<'a> {
         let size = self.core.iter().product();
         let offsets = if self.lead.iter().all(|d| *d == 1) {
             Offsets::Shared
@@ -146,7 +151,8 @@ impl<'a> Part<'a> {
     }
 }
 
-fn broadcast_into(shape: &mut Vec<usize>, lead: &[usize], name: &str) -> PyResult<()> {
+/// Widens `shape` by the leading dimensions of one more argument.
+pub fn broadcast_into(shape: &mut Vec<usize>, lead: &[usize], name: &str) -> PyResult<()> {
     while shape.len() < lead.len() {
         shape.insert(0, 1);
     }
@@ -348,7 +354,7 @@ impl<'a> Problems<'a> {
         if self.repeats == Repeats::Refused {
             check_distinct(landmarks, seen)?;
         }
-        let los = check_unit(los, unit)?;
+        let los = check_unit("los", los, unit)?;
         weights.clear();
         let mut weight_of_all = false;
         match &self.noise {
@@ -376,6 +382,7 @@ impl<'a> Problems<'a> {
     }
 }
 
-fn triples(data: &[f64]) -> &[[f64; 3]] {
+/// Rows of three.
+pub fn triples(data: &[f64]) -> &[[f64; 3]] {
     data.as_chunks::<3>().0
 }

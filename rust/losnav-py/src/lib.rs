@@ -2,6 +2,7 @@
 //!
 //! Public names, docstrings and defaults live in Python; here every argument is taken.
 mod attitude;
+mod attitude_solution;
 mod batch;
 mod convert;
 mod dispatch;
@@ -17,6 +18,9 @@ mod robust;
 mod sensors;
 mod solution;
 mod values;
+mod wahba;
+mod wahba_inputs;
+mod wahba_lanes;
 
 /// The module `losnav._core`.
 #[pyo3::pymodule(gil_used = false)]
@@ -28,6 +32,8 @@ mod _core {
         dcm_from_mrp, dcm_from_quaternion, mrp_from_dcm, mrp_from_quaternion, mrp_shadow,
         quaternion_from_dcm, quaternion_from_mrp, rotation_error,
     };
+    #[pymodule_export]
+    use crate::attitude_solution::{AttitudeSolution, attitude_solution};
     #[pymodule_export]
     use crate::dynamics::{
         dynamics_process_noise, dynamics_propagate, dynamics_single, dynamics_trajectory, dynamics_transition,
@@ -44,6 +50,8 @@ mod _core {
     use crate::sensors::{sensor_linearize, sensor_single};
     #[pymodule_export]
     use crate::solution::PoseSolution;
+    #[pymodule_export]
+    use crate::wahba::solve_attitude;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -177,7 +177,7 @@ fn solve_lanes<L: Loss>(
 
 /// Does every piece of work, on this thread and the pool's. This thread stays busy: were it to sleep until the pool is
 /// done, the system would wake all of the pool on this one core and take a while to spread them out.
-fn share_out<W: Send>(work: impl Iterator<Item = W> + Send, each: impl Fn(W) + Sync) {
+pub fn share_out<W: Send>(work: impl Iterator<Item = W> + Send, each: impl Fn(W) + Sync) {
     let queue = Mutex::new(work);
     let next = || queue.lock().ok().and_then(|mut queue| queue.next());
     let drain = || {

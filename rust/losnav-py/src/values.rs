@@ -39,20 +39,24 @@ pub fn check_finite(argument: &'static str, row: usize, values: &[f64; 3]) -> Re
 }
 
 /// Unit vectors: the caller's memory if they are exact, a normalised copy otherwise.
-pub fn check_unit<'s>(los: &'s [[f64; 3]], copy: &'s mut Vec<[f64; 3]>) -> Result<&'s [[f64; 3]], BadValue> {
+pub fn check_unit<'s>(
+    argument: &'static str,
+    directions: &'s [[f64; 3]],
+    copy: &'s mut Vec<[f64; 3]>,
+) -> Result<&'s [[f64; 3]], BadValue> {
     // Written so that NaN is not exact.
     let exact = |[x, y, z]: &[f64; 3]| (x * x + y * y + z * z - 1.0).abs() <= UNIT_EXACT;
-    if los.iter().all(exact) {
-        return Ok(los);
+    if directions.iter().all(exact) {
+        return Ok(directions);
     }
     copy.clear();
-    for (row, b) in los.iter().enumerate() {
+    for (row, b) in directions.iter().enumerate() {
         let [x, y, z] = *b;
         let norm = (x * x + y * y + z * z).sqrt();
         let off = (norm - 1.0).abs();
         if off.is_nan() || off > UNIT_TOLERANCE {
-            check_finite("los", row, b)?;
-            return Err(BadValue::NotUnit { argument: "los", row, norm });
+            check_finite(argument, row, b)?;
+            return Err(BadValue::NotUnit { argument, row, norm });
         }
         copy.push([x / norm, y / norm, z / norm]);
     }

@@ -6,3 +6,4 @@ pub mod normal_equations;
 pub mod pose;
 pub mod ranking;
 pub mod robust;
+pub mod wahba;

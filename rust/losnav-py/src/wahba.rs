@@ -1,0 +1,131 @@
+//! `solve_attitude`: one problem straight through, a batch over the cores with the GIL released.
+use std::sync::Mutex;
+
+use losnav_core::estimators::wahba::careful::{self, Problem as CarefulProblem};
+use losnav_core::estimators::wahba::{Directions, Method, Vectors, polish};
+use pyo3::prelude::*;
+
+use crate::attitude_solution::{AttitudeSolution, Record};
+use crate::dispatch;
+use crate::errors::{BadValue, choice_error};
+use crate::pose::{parse_on_error, share_out};
+use crate::wahba_inputs::{Arguments, Problem, Problems, Scratch};
+use crate::wahba_lanes::{ManyAttitudes, OneAttitude};
+
+/// Problems a thread takes at a time: a multiple of the lanes.
+const CHUNK: usize = 256;
+/// Directions in all below which threads cost more than they save (about 0.1 ms of work).
+const SERIAL_DIRECTIONS: usize = 16_000;
+
+/// See `losnav.solve_attitude`.
+#[pyfunction]
+#[pyo3(signature = (body, reference, sigma, method, on_error, /))]
+pub fn solve_attitude(
+    py: Python<'_>,
+    body: &Bound<'_, PyAny>,
+    reference: &Bound<'_, PyAny>,
+    sigma: &Bound<'_, PyAny>,
+    method: &str,
+    on_error: &str,
+) -> PyResult<AttitudeSolution> {
+    let method = parse_method(method)?;
+    let raise = parse_on_error(on_error)?;
+    let arguments = Arguments::new(body, reference, sigma)?;
+    let problems = arguments.problems(1)?;
+    if problems.single {
+        let mut scratch = Scratch::default();
+        let record = match problems.get(0, &mut scratch) {
+            Ok(problem) => solve_one(&problem, method),
+            Err(bad) if raise => return Err(bad.into_py(None)),
+            Err(_) => Record::invalid(),
+        };
+        return Ok(AttitudeSolution::one(record, None));
+    }
+    let solved = py.detach(|| solve_batch(&problems, method, raise));
+    let chunks = solved.map_err(|(problem, bad)| bad.into_py(Some(problem)))?;
+    Ok(AttitudeSolution::many(problems.shape, chunks, None))
+}
+
+type Failure = (usize, BadValue);
+
+/// Chunks of problems, each into memory that its own thread allocates.
+fn solve_batch(problems: &Problems<'_>, method: Method, raise: bool) -> Result<Vec<Vec<Record>>, Failure> {
+    let mut chunks = vec![Vec::new(); problems.count.div_ceil(CHUNK)];
+    let failures = Mutex::new(Vec::new());
+    let chunk = |(index, out): (usize, &mut Vec<Record>)| {
+        if let (Err(failure), Ok(mut failures)) =
+            (solve_chunk(problems, index * CHUNK, method, raise, out), failures.lock())
+        {
+            failures.push(failure);
+        }
+    };
+    if problems.count * problems.n < SERIAL_DIRECTIONS {
+        chunks.iter_mut().enumerate().for_each(chunk);
+    } else {
+        share_out(chunks.iter_mut().enumerate(), chunk);
+    }
+    let failures = failures.into_inner().unwrap_or_default();
+    match failures.into_iter().min_by_key(|(problem, _)| *problem) {
+        Some(first) => Err(first),
+        None => Ok(chunks),
+    }
+}
+
+fn solve_chunk(
+    problems: &Problems<'_>,
+    first: usize,
+    method: Method,
+    raise: bool,
+    out: &mut Vec<Record>,
+) -> Result<(), Failure> {
+    let count = CHUNK.min(problems.count - first);
+    out.reserve_exact(count);
+    let mut scratch = Scratch::default();
+    let mut failure = Ok(());
+    let mut one = |k: usize| match problems.get(k, &mut scratch) {
+        Ok(problem) => solve_one(&problem, method),
+        Err(bad) => {
+            if raise && failure.is_ok() {
+                failure = Err((k, bad));
+            }
+            Record::invalid()
+        }
+    };
+    if method == Method::Quest {
+        dispatch::wide(ManyAttitudes { problems, first, count, out, one_by_one: one });
+    } else {
+        out.extend((first..first + count).map(&mut one));
+    }
+    failure
+}
+
+fn solve_one(problem: &Problem<'_>, method: Method) -> Record {
+    let n = problem.body.len();
+    let fast = if method == Method::Quest {
+        dispatch::narrow(OneAttitude { problem })
+    } else {
+        let directions =
+            Vectors { body: problem.body, reference: problem.reference, weights: problem.weights };
+        let profile = directions.profile();
+        let estimate = polish::polish(&directions, &profile, method.start(&profile));
+        Record::of_lane(&estimate, 0, n)
+    };
+    fast.unwrap_or_else(|| solve_carefully(problem, method))
+}
+
+#[cold]
+fn solve_carefully(problem: &Problem<'_>, method: Method) -> Record {
+    let Problem { body, reference, weights } = *problem;
+    Record::new(&careful::solve(&CarefulProblem { body, reference, weights, method }), body.len())
+}
+
+fn parse_method(text: &str) -> PyResult<Method> {
+    match text {
+        "quest" => Ok(Method::Quest),
+        "q-method" => Ok(Method::QMethod),
+        "svd" => Ok(Method::Svd),
+        "foam" => Ok(Method::Foam),
+        "esoq2" => Ok(Method::Esoq2),
+        other => Err(choice_error("method", r#""quest", "q-method", "svd", "foam", "esoq2""#, other)),
+    }
+}
