@@ -14,6 +14,8 @@ METHODS = ["quest", "q-method", "svd", "foam", "esoq2"]
 GENERAL_RAD = 1e-12
 # Whatever the geometry, as long as the attitude is determined at all.
 ANYWHERE_RAD = 1e-7
+# A residual is known to 1e-16 rad, 1e-8 of the smallest sigma.
+LOSS = 1e-7
 # Sums of a few dozen terms of either sign, relative to the largest entry.
 SUMS = 1e-12
 
@@ -86,22 +88,25 @@ def test_a_batch_is_its_members(seed, batch):
         for index in np.ndindex(batch):
             single = ln.solve_attitude(body[index], reference, sigma=1e-4)
             assert distance(found.dcm[index], single.dcm) < GENERAL_RAD
-            assert found.loss[index] == pytest.approx(single.loss, rel=1e-6, abs=1e-9)
+            assert found.loss[index] == pytest.approx(single.loss, rel=1e-6, abs=LOSS)
 
 
 @st.composite
 def hard_problems(draw):
-    """Any angle, half turns too; fields down to 1e-6 rad; weights over six decades; N = 2 and more."""
+    """Any angle, half turns too; fields down to 1e-6 rad; weights over six decades; N = 2 and more.
+
+    Width over spread stays above 1e-6: below 1e-7 the rank is, by definition, lost."""
     rng = np.random.default_rng(draw(sts.SEEDS))
     count = draw(st.integers(2, 30))
-    width = 10 ** draw(st.floats(-6, 0))
+    decades = draw(st.floats(-6, 0))
+    width, spread = 10**decades, min(3.0, 6.0 + decades)
     reference = wahba.directions(count, rng, width)
     # Two directions a field width apart: determined by a known margin.
     side = np.cross(reference[0], [0.6, 0.0, 0.8])
     reference[1] = reference[0] + width * side / np.linalg.norm(side)
     reference[1] /= np.linalg.norm(reference[1])
     dcm = attitude.dcm_from_rotation_vector(draw(sts.rotation_vectors()))
-    sigma = width * 1e-9 * 10 ** rng.uniform(0, draw(st.floats(0, 3)), count)
+    sigma = width * 1e-9 * 10 ** rng.uniform(0, draw(st.floats(0, spread)), count)
     return dcm, wahba.measure(reference, dcm, sigma, rng), reference, sigma
 
 
