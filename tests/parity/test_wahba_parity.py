@@ -46,7 +46,7 @@ def test_attitude(method, problem):
     assert solution.converged
     assert distance(solution.dcm, wahba.solve_svd(body, reference, sigma)) < GENERAL_RAD
     assert solution.loss == pytest.approx(
-        wahba.loss(solution.dcm, body, reference, sigma), rel=1e-6, abs=1e-9
+        wahba.loss(solution.dcm, body, reference, sigma), rel=1e-6, abs=LOSS
     )
     assert solution.chi2 == 2 * solution.loss
     assert solution.dof == 2 * len(body) - 3
