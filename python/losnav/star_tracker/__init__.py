@@ -26,7 +26,9 @@ from losnav.star_tracker.ellipsoid import (
 from losnav.star_tracker.field import boresight_ratio, head_covariance
 from losnav.star_tracker.fused_attitude import FusedAttitude
 from losnav.star_tracker.heads import Head
+from losnav.star_tracker.layout import Layout, optimal_layout, tight_frame
 from losnav.star_tracker.mounting import consider_covariance, mounting_bias, mounting_sensitivity
+from losnav.star_tracker.selection import select_stars
 from losnav.star_tracker.star_noise import PixelNoise, QuestNoise, StarNoise
 from losnav.star_tracker.sweep import SeparationSweep, separation_boresights, separation_sweep
 from losnav.star_tracker.timing import epoch_covariance, to_epoch
@@ -37,6 +39,7 @@ __all__ = [
     "SPEED_OF_LIGHT",
     "FusedAttitude",
     "Head",
+    "Layout",
     "PixelNoise",
     "QuestNoise",
     "SeparationSweep",
@@ -59,10 +62,13 @@ __all__ = [
     "intersection_intercept",
     "mounting_bias",
     "mounting_sensitivity",
+    "optimal_layout",
     "remove_aberration",
     "sandwich_ratio",
+    "select_stars",
     "separation_boresights",
     "separation_sweep",
     "star_information",
+    "tight_frame",
     "to_epoch",
 ]
