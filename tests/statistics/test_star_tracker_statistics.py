@@ -226,3 +226,147 @@ def test_uncertain_mountings_widen_the_check():
     assert low < nees(errors, fused.covariance).mean() < high
     low, high = nees_band(6, runs)
     assert low < fused.chi2.mean() < high
+
+
+# --- image-level fusion ------------------------------------------------------------------------------
+
+
+def scene(heads, counts, runs, rng, noise=None):
+    """True stars of every head (fixed over the runs), their catalogue directions, noisy measurements."""
+    true = [oracle.square_field(rng, n, h.fov) for h, n in zip(heads, counts, strict=True)]
+    catalogue = [b @ h.mounting.T @ DCM for h, b in zip(heads, true, strict=True)]
+    many = [np.broadcast_to(b, (runs, *b.shape)) for b in true]
+    if noise is not None:
+        return true, catalogue, [noise(rng, b) for b in many]
+    sigma = [h.noise.sigma_rad for h in heads]
+    flat = [
+        oracle.quest_noise(rng, b.reshape(-1, 3), s).reshape(b.shape)
+        for b, s in zip(many, sigma, strict=True)
+    ]
+    return true, catalogue, flat
+
+
+@pytest.mark.parametrize("stars", [1, 2, 5, 8, 50])
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_image_level_fusion(count, stars):
+    """NEES and chi2 for one to four heads with one to fifty stars, in the exact bands."""
+    runs = 60 if stars == 50 else 400
+    heads = tracker(count)
+    rng = np.random.default_rng(100 * count + stars)
+    _, catalogue, measured = scene(heads, [stars] * count, runs, rng)
+    solution = ln.star_tracker.fuse(heads, measured, catalogue)
+    if count * stars == 1:
+        # One star: two axes are known, the turn about it is free.
+        assert (solution.rank == 2).all()
+        assert not solution.converged.any()
+        axis = heads[0].mounting @ measured[0][0, 0]
+        assert abs(solution.free_axis[0] @ axis) == pytest.approx(1, abs=1e-9)
+        return
+    assert solution.converged.all()
+    errors = ln.attitude.rotation_error(DCM, solution.dcm)
+    low, high = nees_band(3, runs)
+    assert low < nees(errors, solution.covariance).mean() < high
+    dof = 2 * count * stars - 3
+    assert (solution.dof == dof).all()
+    low, high = nees_band(dof, runs)
+    assert low < solution.chi2.mean() < high
+
+
+def test_uneven_heads():
+    """0, 1, 2 and 30 stars of different quality."""
+    runs = 500
+    heads = [
+        ln.star_tracker.Head(h.mounting, FOV, s * ARCSEC)
+        for h, s in zip(tracker(4), [3.0, 20.0, 8.0, 12.0], strict=True)
+    ]
+    rng = np.random.default_rng(77)
+    true, catalogue, measured = scene(heads, [0, 1, 2, 30], runs, rng)
+    solution = ln.star_tracker.fuse(heads, measured, catalogue)
+    errors = ln.attitude.rotation_error(DCM, solution.dcm)
+    low, high = nees_band(3, runs)
+    assert low < nees(errors, solution.covariance).mean() < high
+    expected = oracle.covariance_from_stars(
+        [h.mounting for h in heads], true, [h.noise.sigma_rad for h in heads]
+    )
+    assert np.abs(solution.covariance - expected).max() < 1e-3 * np.abs(expected).max()
+
+
+def test_images_and_attitudes_agree_where_both_can(rng):
+    """Claim 11: the same answer where every head has its own attitude, with the covariances it has."""
+    heads = tracker(3)
+    _, catalogue, measured = scene(heads, [6, 8, 10], 20, rng)
+    together = ln.star_tracker.fuse(heads, measured, catalogue)
+    each = [
+        ln.solve_attitude(b, r, sigma=h.noise.sigma_rad)
+        for h, b, r in zip(heads, measured, catalogue, strict=True)
+    ]
+    fused = ln.star_tracker.fuse_attitudes(
+        heads,
+        np.stack([s.dcm for s in each], axis=1),
+        np.stack([s.covariance for s in each], axis=1),
+        exclude=False,
+    )
+    apart = np.linalg.norm(ln.attitude.rotation_error(together.dcm, fused.dcm), axis=-1)
+    # Second order in the noise: a thousandth of a sigma.
+    assert apart.max() < 1e-3 * np.sqrt(np.linalg.eigvalsh(fused.covariance)[:, 0].min())
+    assert np.abs(together.covariance - fused.covariance).max() < 1e-3 * fused.covariance.max()
+
+
+@pytest.mark.parametrize("degrees", [20, 40, 60])
+def test_pixel_noise_in_wide_fields(degrees):
+    """NEES 3 with the detector's own noise; too small with the isotropic one, more so in wider fields."""
+    runs, fov = 4000, np.radians(degrees)
+    noise = ln.star_tracker.PixelNoise.from_fov(fov, 1024, 0.1)
+    heads = tracker(1, noise, fov)
+    sigma = noise.sigma_px / noise.focal_length_px
+    rng = np.random.default_rng(degrees)
+    _, catalogue, measured = scene(heads, [20], runs, rng, lambda r, b: oracle.pixel_noise(r, b, sigma))
+    solution = ln.star_tracker.fuse(heads, measured, catalogue)
+    assert solution.converged.all()
+    errors = ln.attitude.rotation_error(DCM, solution.dcm)
+    low, high = nees_band(3, runs)
+    assert low < nees(errors, solution.covariance).mean() < high
+    low, high = nees_band(37, runs)
+    assert low < solution.chi2.mean() < high
+    assert (solution.dof == 37).all()
+    plain = ln.star_tracker.fuse(heads, measured, catalogue, sigma)
+    errors = ln.attitude.rotation_error(DCM, plain.dcm)
+    value = nees(errors, plain.covariance).mean()
+    assert value < {20: 2.95, 40: 2.75, 60: 2.45}[degrees]
+
+
+def test_three_wide_heads_with_their_own_noise():
+    runs, fov = 1500, np.radians(40)
+    noise = ln.star_tracker.PixelNoise.from_fov(fov, 1024, 0.2)
+    heads = tracker(3, noise, fov)
+    sigma = noise.sigma_px / noise.focal_length_px
+    rng = np.random.default_rng(3)
+    _, catalogue, measured = scene(heads, [1, 4, 9], runs, rng, lambda r, b: oracle.pixel_noise(r, b, sigma))
+    solution = ln.star_tracker.fuse(heads, measured, catalogue)
+    errors = ln.attitude.rotation_error(DCM, solution.dcm)
+    low, high = nees_band(3, runs)
+    assert low < nees(errors, solution.covariance).mean() < high
+    low, high = nees_band(25, runs)
+    assert low < solution.chi2.mean() < high
+
+
+def test_an_uncertain_catalogue_is_part_of_the_noise():
+    """Half of the stars 20" off their catalogue places: NEES in band with the covariances added."""
+    runs = 1500
+    heads = tracker(2)
+    rng = np.random.default_rng(4)
+    true, catalogue, measured = scene(heads, [8, 8], runs, rng)
+    off = 20 * ARCSEC
+    wrong, covariances = [], []
+    for h, b, r in zip(heads, true, catalogue, strict=True):
+        moved = np.broadcast_to(r, (runs, 8, 3)).copy()
+        moved[:, ::2] = oracle.quest_noise(rng, moved[:, ::2].reshape(-1, 3), off).reshape(runs, 4, 3)
+        wrong.append(moved)
+        sigma = np.where(np.arange(8) % 2, h.noise.sigma_rad, np.hypot(h.noise.sigma_rad, off))
+        covariances.append(ln.noise.tangent(b, sigma))
+    solution = ln.star_tracker.fuse(heads, measured, wrong, covariances=covariances)
+    errors = ln.attitude.rotation_error(DCM, solution.dcm)
+    low, high = nees_band(3, runs)
+    assert low < nees(errors, solution.covariance).mean() < high
+    low, high = nees_band(29, runs)
+    assert low < solution.chi2.mean() < high

@@ -1,5 +1,6 @@
 """Star trackers of one or many heads: fusion, covariance, layout, alignment, catalogue directions."""
 
+from losnav.star_tracker.alignment import Alignment, align_heads
 from losnav.star_tracker.catalogue import (
     ASTRONOMICAL_UNIT,
     JULIAN_YEAR,
@@ -25,6 +26,7 @@ from losnav.star_tracker.ellipsoid import (
 )
 from losnav.star_tracker.field import boresight_ratio, head_covariance
 from losnav.star_tracker.fused_attitude import FusedAttitude
+from losnav.star_tracker.fusion import fuse
 from losnav.star_tracker.heads import Head
 from losnav.star_tracker.layout import Layout, optimal_layout, tight_frame
 from losnav.star_tracker.mounting import consider_covariance, mounting_bias, mounting_sensitivity
@@ -37,6 +39,7 @@ __all__ = [
     "ASTRONOMICAL_UNIT",
     "JULIAN_YEAR",
     "SPEED_OF_LIGHT",
+    "Alignment",
     "FusedAttitude",
     "Head",
     "Layout",
@@ -45,6 +48,7 @@ __all__ = [
     "SeparationSweep",
     "StarNoise",
     "aberrate",
+    "align_heads",
     "boresight_ratio",
     "catalogue_covariance",
     "catalogue_directions",
@@ -52,6 +56,7 @@ __all__ = [
     "detection_power",
     "ellipsoid_points",
     "epoch_covariance",
+    "fuse",
     "fuse_attitudes",
     "fused_covariance",
     "fused_covariance_from_stars",

@@ -35,6 +35,7 @@ from losnav.consistency import chi2_quantile, chi2_sf
 from losnav.errors import InvalidInputError
 from losnav.star_tracker._rotation import rotation_matrices
 from losnav.star_tracker.covariance import inverse_covariances, symmetric
+from losnav.star_tracker.field import whole
 from losnav.star_tracker.fused_attitude import BoolArray, FusedAttitude
 from losnav.star_tracker.heads import Head
 
@@ -172,7 +173,7 @@ def detection_power(
     count = len(mounted)
     if count < 2:
         raise InvalidInputError(f"heads: expected at least 2 to compare, got {count}")
-    if isinstance(head, bool) or not isinstance(head, int | np.integer) or not 0 <= head < count:
+    if whole(head, "head", 0) >= count:
         raise InvalidInputError(f"head: expected a head from 0 to {count - 1}, got {head!r}")
     _, _, spreads, _ = _inputs(mounted, [h.mounting.T for h in mounted], covariances)
     others = np.linalg.inv(np.delete(spreads[0], head, axis=0)).sum(axis=0)

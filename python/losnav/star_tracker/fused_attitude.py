@@ -99,6 +99,11 @@ class FusedAttitude:
         return np.where(self.used.any(axis=-1), 3, 0)
 
     @property
+    def free_axis(self) -> FloatArray:
+        """NaN ``(..., 3)``: heads with attitudes of their own leave no axis free."""
+        return np.full((*self.shape, 3), np.nan)
+
+    @property
     def p_value(self) -> FloatArray:
         """Probability of a larger ``chi2`` if all heads in use are right, ``(...)``; 1 without redundancy."""
         return np.asarray(np.where(self.dof > 0, chi2_sf(self.chi2, np.maximum(self.dof, 1)), 1.0))
