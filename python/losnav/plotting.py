@@ -15,10 +15,24 @@ from losnav.errors import LosnavError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["BLUE", "GREEN", "GREY", "ORANGE", "PURPLE", "RED", "figure_style", "new_figure", "save_figure"]
+__all__ = [
+    "AXIS_COLOURS",
+    "BLUE",
+    "GREEN",
+    "GREY",
+    "ORANGE",
+    "PURPLE",
+    "RED",
+    "figure_style",
+    "new_figure",
+    "plain_ticks",
+    "save_figure",
+]
 
 # Okabe and Ito's palette: distinguishable with every common form of colour blindness, and in print.
 BLUE, ORANGE, GREEN, RED, PURPLE, GREY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#7F7F7F"
+#: Of x, y and z.
+AXIS_COLOURS = (BLUE, GREEN, RED)
 
 _STYLE: dict[str, Any] = {
     "font.size": 9.0,
@@ -85,6 +99,12 @@ def new_figure(
     if title:
         figure.suptitle(title, fontsize=11, fontweight="bold")
     return figure, axes
+
+
+def plain_ticks(axis: Any, ticks: tuple[float, ...]) -> None:
+    """Plain numbers on a logarithmic y axis."""
+    axis.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+    axis.set_yticks([], minor=True)
 
 
 def save_figure(figure: Figure, path: Path) -> Path:

@@ -20,7 +20,7 @@ FILES = sorted(p for p in PACKAGE.rglob("*.py") if p != PACKAGE / "__init__.py")
 
 def room(path):
     """Top-level module of the package a file belongs to; the figures of a scenario are plotting."""
-    if path.name == "figures.py":
+    if path.name.endswith("figures.py"):
         return "plotting"
     return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
 

@@ -49,8 +49,8 @@ def add_commands(commands: Any) -> None:
         metavar="KEY=VALUE",
         dest="settings",
         help=(
-            "replace a parameter; SI and radians, or with the suffix deg; lists as 1,2,3, lists of points "
-            "as 1,2,3;4,5,6"
+            "replace a parameter; SI and radians, or with the suffix deg or arcsec; lists as 1,2,3, lists of "
+            "points as 1,2,3;4,5,6"
         ),
     )
     command.add_argument("--resume", action="store_true", help="continue the campaign stored in --out")
@@ -225,7 +225,7 @@ def parse_setting(key: str, text: str, default: object) -> object:
     key : str
         Name, for the error message.
     text : str
-        Value: a number (``1e-6``, ``45deg``), a word, ``1,2,3``, or ``1,2,3;4,5,6``.
+        Value: a number (``1e-6``, ``45deg``, ``5arcsec``), a word, ``1,2,3``, or ``1,2,3;4,5,6``.
     default : object
         The parameter's default.
 
@@ -263,6 +263,7 @@ def parse_setting(key: str, text: str, default: object) -> object:
 
 def _number(text: str) -> float:
     text = text.strip()
-    if text.endswith("deg"):
-        return math.radians(float(text[:-3]))
+    for unit, size in (("deg", 1.0), ("arcsec", 1 / 3600)):
+        if text.endswith(unit):
+            return math.radians(float(text[: -len(unit)]) * size)
     return float(text)
