@@ -3,7 +3,7 @@
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from losnav import attitude, dynamics, noise, observability, sensors
+from losnav import attitude, constants, dynamics, noise, observability, sensors
 from losnav._core import __version__
 from losnav.attitude_determination import AttitudeSolution, solve_attitude
 from losnav.errors import (
@@ -45,6 +45,7 @@ __all__ = [
     "attitude",
     "campaign",
     "consistency",
+    "constants",
     "dynamics",
     "fisher_information",
     "los_jacobian",

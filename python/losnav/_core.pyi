@@ -66,19 +66,20 @@ def dynamics_single(
     state: npt.ArrayLike,
     control: npt.ArrayLike | None,
     dt: npt.ArrayLike,
+    time: npt.ArrayLike,
     /,
 ) -> _Floats | None: ...
 def dynamics_propagate(
-    name: str, parameters: Sequence[float], state: _Floats, control: _Floats, dt: _Floats, /
+    name: str, parameters: Sequence[float], state: _Floats, control: _Floats, dt: _Floats, time: _Floats, /
 ) -> _Floats: ...
 def dynamics_transition(
-    name: str, parameters: Sequence[float], state: _Floats, control: _Floats, dt: _Floats, /
+    name: str, parameters: Sequence[float], state: _Floats, control: _Floats, dt: _Floats, time: _Floats, /
 ) -> _Floats: ...
 def dynamics_process_noise(
-    name: str, parameters: Sequence[float], state: _Floats, control: _Floats, dt: _Floats, /
+    name: str, parameters: Sequence[float], state: _Floats, control: _Floats, dt: _Floats, time: _Floats, /
 ) -> _Floats: ...
 def dynamics_trajectory(
-    name: str, parameters: Sequence[float], state: _Floats, control: _Floats, dt: _Floats, /
+    name: str, parameters: Sequence[float], state: _Floats, control: _Floats, dt: _Floats, time: _Floats, /
 ) -> _Floats: ...
 def sensor_single(
     name: str, parameters: tuple[_Floats, ...], state: npt.ArrayLike, dcm: npt.ArrayLike, /

@@ -23,6 +23,8 @@ CONTROL = np.array([0.0078125, 0, -0.015625])
 RANGES = np.linalg.norm(LANDMARKS - POSITION, axis=1)
 MAP = np.broadcast_to(np.diag([0.25, 1, 4]), COVARIANCE.shape).copy()
 ORBIT = ln.dynamics.ClohessyWiltshire(2.0**-10, 2.0**-20)
+PLANET = ln.dynamics.TwoBody(2.0**48, 2.0**-20, j2=2.0**-10, radius=2.0**22)
+AROUND = np.array([2.0**23, 2.0**21, -(2.0**22), 1024.0, 5120, 512])
 SENSOR = ln.sensors.LineOfSight(LANDMARKS, 2.0**-12)
 TARGET = LANDMARKS[2]
 CAMERA = ln.sensors.RangeBearing(0.25, 2.0**-10)
@@ -74,6 +76,8 @@ CALLS = {
     "ClohessyWiltshire.propagate": Call(ORBIT.propagate, {"state": STATE, "control": CONTROL}, {"dt": 60.0}),
     "ClohessyWiltshire.transition": Call(ORBIT.transition, {"state": STATE}, {"dt": 60.0}),
     "ClohessyWiltshire.process_noise": Call(ORBIT.process_noise, {"state": STATE}, {"dt": 60.0}),
+    "TwoBody.propagate": Call(PLANET.propagate, {"state": AROUND, "control": CONTROL}, {"dt": 60.0}),
+    "TwoBody.transition": Call(PLANET.transition, {"state": AROUND}, {"dt": 60.0, "time": 5.0}),
     "LineOfSight.predict": Call(SENSOR.predict, {"state": STATE, "dcm": DCM}, {}),
     "LineOfSight.jacobian": Call(SENSOR.jacobian, {"state": STATE, "dcm": DCM}, {}),
     "RangeBearing.predict": Call(CAMERA.predict, {"state": STATE, "dcm": DCM, "target": TARGET}, {}),

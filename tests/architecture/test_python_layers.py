@@ -8,8 +8,8 @@ from tests.conftest import REPOSITORY
 
 PACKAGE = REPOSITORY / "python" / "losnav"
 LAYERS = [
-    {"errors", "_arrays", "_core"},
-    {"attitude", "noise", "gravity", "sensors", "dynamics"},
+    {"errors", "_arrays", "_core", "constants"},
+    {"attitude", "noise", "gravity", "sensors", "dynamics", "orbits"},
     {"pose", "attitude_determination", "star_tracker", "filters", "observability", "consistency"},
     {"scenarios", "campaign"},
     {"cli", "compat", "plotting"},

@@ -1,6 +1,6 @@
 //! The listed dynamics over whole arrays: `losnav.dynamics`. Arguments come checked from there: `(B, N)` states,
 //! `(B, 3)` controls, `(B,)` time steps.
-use losnav_core::models::dynamics::{ClohessyWiltshire, DynamicsModel};
+use losnav_core::models::dynamics::{ClohessyWiltshire, DynamicsModel, TwoBody};
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
@@ -11,7 +11,8 @@ use crate::errors::{choice_error, shape_error};
 const SERIAL: usize = 1 << 16;
 
 /// How a listed model is made of the numbers its dataclass holds.
-trait Parameters: Sized {
+pub trait Parameters: Sized {
+    /// The model, or nothing if the numbers are not as many as it has.
     fn from_parameters(parameters: &[f64]) -> Option<Self>;
 }
 
@@ -19,6 +20,13 @@ impl Parameters for ClohessyWiltshire {
     fn from_parameters(parameters: &[f64]) -> Option<Self> {
         let &[mean_motion, acceleration_psd] = parameters else { return None };
         Some(Self { mean_motion, acceleration_psd })
+    }
+}
+
+impl Parameters for TwoBody {
+    fn from_parameters(parameters: &[f64]) -> Option<Self> {
+        let &[mu, j2, radius, acceleration_psd] = parameters else { return None };
+        Some(Self { mu, j2, radius, acceleration_psd })
     }
 }
 
@@ -46,13 +54,19 @@ struct Batch<'a> {
     states: &'a [f64],
     controls: &'a [[f64; 3]],
     steps: &'a [f64],
+    /// When the steps start; of a trajectory only the first.
+    times: &'a [f64],
 }
 
 impl Batch<'_> {
     fn states<const N: usize>(&self) -> PyResult<&[[f64; N]]> {
         let (rows, rest) = self.states.as_chunks::<N>();
-        let fits = rest.is_empty() && rows.len() == self.steps.len() && rows.len() == self.controls.len();
-        if fits { Ok(rows) } else { Err(shape_error("state", "(B, N)", &[self.states.len()])) }
+        let fits = [self.steps.len(), self.controls.len(), self.times.len()].iter().all(|n| *n == rows.len());
+        if fits && rest.is_empty() {
+            Ok(rows)
+        } else {
+            Err(shape_error("state", "(B, N)", &[self.states.len()]))
+        }
     }
 
     fn answer<M, const N: usize>(&self, model: &M, question: Question) -> PyResult<(Vec<f64>, Vec<usize>)>
@@ -66,7 +80,7 @@ impl Batch<'_> {
         };
         let mut data = vec![0.0; states.len() * size];
         let one = |(k, out): (usize, &mut [f64])| {
-            let (x, u, step) = (&states[k], self.controls[k], model.prepare(0.0, self.steps[k]));
+            let (x, u, step) = (&states[k], self.controls[k], model.prepare(self.times[k], self.steps[k]));
             match question {
                 Question::State => out.copy_from_slice(&model.propagate(&step, x, u)),
                 Question::Transition => out.copy_from_slice(model.transition(&step, x, u).1.as_flattened()),
@@ -93,7 +107,7 @@ impl Batch<'_> {
         }
         let mut data = vec![0.0; states.len() * (steps + 1) * N];
         let one = |(k, out): (usize, &mut [f64])| {
-            let (mut x, mut time) = (states[k], 0.0);
+            let (mut x, mut time) = (states[k], self.times.first().copied().unwrap_or(0.0));
             for (step, row) in out.as_chunks_mut::<N>().0.iter_mut().enumerate() {
                 if let Some(before) = step.checked_sub(1) {
                     let step = model.prepare(time, self.steps[before]);
@@ -167,20 +181,25 @@ fn ask<'py>(
     py: Python<'py>,
     name: &str,
     parameters: &[f64],
-    arguments: [&Bound<'py, PyAny>; 3],
-    question: Question,
+    arguments: [&Bound<'py, PyAny>; 4],
+    question: Option<Question>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let [state, control, dt] = arguments;
-    let (state, control, dt) =
-        (Floats::new(state, "state")?, Floats::new(control, "control")?, Floats::new(dt, "dt")?);
-    let batch = Batch { states: state.data(), controls: control.data().as_chunks::<3>().0, steps: dt.data() };
-    with_model(py, name, parameters, &Ask(batch, question))
+    let [state, control, dt, time] = arguments;
+    let (state, control) = (Floats::new(state, "state")?, Floats::new(control, "control")?);
+    let (dt, time) = (Floats::new(dt, "dt")?, Floats::new(time, "time")?);
+    let controls = control.data().as_chunks::<3>().0;
+    let batch = Batch { states: state.data(), controls, steps: dt.data(), times: time.data() };
+    match question {
+        Some(question) => with_model(py, name, parameters, &Ask(batch, question)),
+        None => with_model(py, name, parameters, &Trace(batch)),
+    }
 }
 
 /// `x'` (question 0), `Φ` (1) or `Q` (2) of one state, or nothing if an argument is not a single finite one: the
 /// caller then checks and broadcasts.
 #[pyfunction]
-#[pyo3(signature = (name, parameters, question, state, control, dt, /))]
+#[pyo3(signature = (name, parameters, question, state, control, dt, time, /))]
+#[expect(clippy::too_many_arguments, reason = "what the Python method takes")]
 pub fn dynamics_single<'py>(
     py: Python<'py>,
     name: &str,
@@ -189,10 +208,12 @@ pub fn dynamics_single<'py>(
     state: &Bound<'py, PyAny>,
     control: Option<&Bound<'py, PyAny>>,
     dt: &Bound<'py, PyAny>,
+    time: &Bound<'py, PyAny>,
 ) -> PyResult<Option<Bound<'py, PyAny>>> {
     let state = Floats::new(state, "state")?;
     let control = control.map(|value| Floats::new(value, "control")).transpose()?;
     let ScalarOrArray::Scalar(dt) = ScalarOrArray::new(dt, "dt")? else { return Ok(None) };
+    let ScalarOrArray::Scalar(time) = ScalarOrArray::new(time, "time")? else { return Ok(None) };
     let control = match &control {
         None => [0.0; 3],
         Some(array) => match (array.shape(), array.data()) {
@@ -209,10 +230,10 @@ pub fn dynamics_single<'py>(
                 else {
                     return Ok(None);
                 };
-                let batch = Batch { states: x, controls: &[control], steps: &[dt] };
+                let batch = Batch { states: x, controls: &[control], steps: &[dt], times: &[time] };
                 let (data, shape) = batch.answer::<$listed, $n>(&model, question)?;
                 let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
-                if !(finite(x) && finite(&control) && dt.is_finite() && finite(&data)) {
+                if !(finite(x) && finite(&control) && dt.is_finite() && time.is_finite() && finite(&data)) {
                     return Ok(None);
                 }
                 return convert::array(py, &shape[1..], data).map(Some);
@@ -225,7 +246,7 @@ pub fn dynamics_single<'py>(
 
 /// `(B, N)` states after the steps.
 #[pyfunction]
-#[pyo3(signature = (name, parameters, state, control, dt, /))]
+#[pyo3(signature = (name, parameters, state, control, dt, time, /))]
 pub fn dynamics_propagate<'py>(
     py: Python<'py>,
     name: &str,
@@ -233,13 +254,14 @@ pub fn dynamics_propagate<'py>(
     state: &Bound<'py, PyAny>,
     control: &Bound<'py, PyAny>,
     dt: &Bound<'py, PyAny>,
+    time: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    ask(py, name, &parameters, [state, control, dt], Question::State)
+    ask(py, name, &parameters, [state, control, dt, time], Some(Question::State))
 }
 
 /// `(B, N, N)` transition matrices.
 #[pyfunction]
-#[pyo3(signature = (name, parameters, state, control, dt, /))]
+#[pyo3(signature = (name, parameters, state, control, dt, time, /))]
 pub fn dynamics_transition<'py>(
     py: Python<'py>,
     name: &str,
@@ -247,13 +269,14 @@ pub fn dynamics_transition<'py>(
     state: &Bound<'py, PyAny>,
     control: &Bound<'py, PyAny>,
     dt: &Bound<'py, PyAny>,
+    time: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    ask(py, name, &parameters, [state, control, dt], Question::Transition)
+    ask(py, name, &parameters, [state, control, dt, time], Some(Question::Transition))
 }
 
 /// `(B, N, N)` process noise.
 #[pyfunction]
-#[pyo3(signature = (name, parameters, state, control, dt, /))]
+#[pyo3(signature = (name, parameters, state, control, dt, time, /))]
 pub fn dynamics_process_noise<'py>(
     py: Python<'py>,
     name: &str,
@@ -261,13 +284,14 @@ pub fn dynamics_process_noise<'py>(
     state: &Bound<'py, PyAny>,
     control: &Bound<'py, PyAny>,
     dt: &Bound<'py, PyAny>,
+    time: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    ask(py, name, &parameters, [state, control, dt], Question::Noise)
+    ask(py, name, &parameters, [state, control, dt, time], Some(Question::Noise))
 }
 
-/// `(B, T + 1, N)` states from `(B, N)`, `(B, T, 3)` controls and `(T,)` steps.
+/// `(B, T + 1, N)` states from `(B, N)`, `(B, T, 3)` controls and `(T,)` steps, the first at `time`.
 #[pyfunction]
-#[pyo3(signature = (name, parameters, state, control, dt, /))]
+#[pyo3(signature = (name, parameters, state, control, dt, time, /))]
 pub fn dynamics_trajectory<'py>(
     py: Python<'py>,
     name: &str,
@@ -275,9 +299,7 @@ pub fn dynamics_trajectory<'py>(
     state: &Bound<'py, PyAny>,
     control: &Bound<'py, PyAny>,
     dt: &Bound<'py, PyAny>,
+    time: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let (state, control, dt) =
-        (Floats::new(state, "state")?, Floats::new(control, "control")?, Floats::new(dt, "dt")?);
-    let batch = Batch { states: state.data(), controls: control.data().as_chunks::<3>().0, steps: dt.data() };
-    with_model(py, name, &parameters, &Trace(batch))
+    ask(py, name, &parameters, [state, control, dt, time], None)
 }

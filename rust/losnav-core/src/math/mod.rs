@@ -1,4 +1,6 @@
 //! Mathematics true of all rotations, directions and symmetric matrices.
+pub mod gradient;
+pub mod integrator;
 pub mod jacobi;
 pub mod real;
 pub mod rotation;

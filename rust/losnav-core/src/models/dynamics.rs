@@ -6,8 +6,13 @@ use super::state::State;
 use crate::math::real::Real;
 
 pub mod clohessy_wiltshire;
+pub mod disturbance;
+pub mod field;
+pub mod kepler;
+pub mod two_body;
 
 pub use clohessy_wiltshire::ClohessyWiltshire;
+pub use two_body::TwoBody;
 
 /// How a state with `N` tangent components moves: `(x, u, dt) → (x', Φ, Q)`.
 ///
@@ -78,6 +83,6 @@ pub trait Specimen<const N: usize>: Sized + DynamicsModel<f64, N> {
 #[macro_export]
 macro_rules! dynamics {
     ($then:ident) => {
-        $then! { ClohessyWiltshire: 6 }
+        $then! { ClohessyWiltshire: 6, TwoBody: 6 }
     };
 }

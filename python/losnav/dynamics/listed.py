@@ -1,13 +1,8 @@
-"""How a state moves: propagation, state transition and process noise of the built-in models.
-
-A model is a small frozen object; anything with ``propagate``, ``transition`` and ``process_noise`` of the
-same signatures can stand in its place. States, time steps and controls broadcast over leading dimensions.
-"""
+"""What every built-in model does the same way: check, broadcast, ask the engine."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -16,15 +11,20 @@ from losnav import _core
 from losnav._arrays import ArrayLike, FloatArray, broadcast, finite, in_range, vectors
 from losnav.errors import InvalidInputError
 
-__all__ = ["ClohessyWiltshire"]
+# In the order the engine numbers them for single states.
+_QUESTIONS = (_core.dynamics_propagate, _core.dynamics_transition, _core.dynamics_process_noise)
 
 
-class _Listed:
-    """What every built-in model does the same way: check, broadcast, ask the engine."""
+class Listed:
+    """The engine's side of a model."""
 
-    state_size: ClassVar[int]
+    state_size: ClassVar[int] = 6
+    # Do steps depend on when they start?
+    time_varying: ClassVar[bool] = False
 
-    def propagate(self, state: ArrayLike, dt: ArrayLike, control: ArrayLike | None = None) -> FloatArray:
+    def propagate(
+        self, state: ArrayLike, dt: ArrayLike, control: ArrayLike | None = None, *, time: ArrayLike = 0.0
+    ) -> FloatArray:
         """State after ``dt``.
 
         Parameters
@@ -35,6 +35,8 @@ class _Listed:
             Time step, s; negative goes back in time.
         control : (3,) or (..., 3), optional
             Acceleration held over the step, m/s^2, in the axes of the state; none if absent.
+        time : scalar or (...), optional
+            When the step starts, s; only models that change with time look at it.
 
         Returns
         -------
@@ -46,14 +48,16 @@ class _Listed:
         InvalidInputError
             On wrong shapes, NaN or infinity.
         """
-        return self._ask(_core.dynamics_propagate, 0, state, dt, control)
+        return self._ask(0, state, dt, control, time)
 
-    def transition(self, state: ArrayLike, dt: ArrayLike, control: ArrayLike | None = None) -> FloatArray:
+    def transition(
+        self, state: ArrayLike, dt: ArrayLike, control: ArrayLike | None = None, *, time: ArrayLike = 0.0
+    ) -> FloatArray:
         """State transition matrix ``Phi``, the derivative of :meth:`propagate` with respect to the state.
 
         Parameters
         ----------
-        state, dt, control
+        state, dt, control, time
             As for :meth:`propagate`.
 
         Returns
@@ -66,14 +70,14 @@ class _Listed:
         InvalidInputError
             On wrong shapes, NaN or infinity.
         """
-        return self._ask(_core.dynamics_transition, 1, state, dt, control)
+        return self._ask(1, state, dt, control, time)
 
-    def process_noise(self, state: ArrayLike, dt: ArrayLike) -> FloatArray:
+    def process_noise(self, state: ArrayLike, dt: ArrayLike, *, time: ArrayLike = 0.0) -> FloatArray:
         """Covariance ``Q`` that the disturbing acceleration adds over ``|dt|``.
 
         Parameters
         ----------
-        state, dt
+        state, dt, time
             As for :meth:`propagate`.
 
         Returns
@@ -86,7 +90,7 @@ class _Listed:
         InvalidInputError
             On wrong shapes, NaN or infinity.
         """
-        return self._ask(_core.dynamics_process_noise, 2, state, dt, None)
+        return self._ask(2, state, dt, None, time)
 
     def trajectory(self, state: ArrayLike, times: ArrayLike, control: ArrayLike | None = None) -> FloatArray:
         """States at ``times``, the given state being that of ``times[0]``.
@@ -124,7 +128,7 @@ class _Listed:
             )
         shape, (x, u) = broadcast(("state", x, 1), ("control", u, 2))
         states = _core.dynamics_trajectory(
-            type(self).__name__, self._parameters(), x, u.reshape(-1, 3), np.diff(epochs)
+            type(self).__name__, self._parameters(), x, u.reshape(-1, 3), np.diff(epochs), epochs[:1]
         )
         in_range(states, "state, times or control")
         return np.asarray(states).reshape((*shape, epochs.size, self.state_size))
@@ -134,69 +138,33 @@ class _Listed:
 
     def _ask(
         self,
-        question: Callable[[str, Sequence[float], FloatArray, FloatArray, FloatArray], FloatArray],
         number: int,
         state: ArrayLike,
         dt: ArrayLike,
         control: ArrayLike | None,
+        time: ArrayLike,
     ) -> FloatArray:
         name, parameters = type(self).__name__, self._parameters()
-        single = _core.dynamics_single(name, parameters, number, state, control, dt)
+        single = _core.dynamics_single(name, parameters, number, state, control, dt, time)
         if single is not None:
             return single
         x, step = vectors(state, "state", self.state_size), finite(dt, "dt")
+        start = finite(time, "time")
         u = np.zeros(3) if control is None else vectors(control, "control")
-        shape, (x, step, u) = broadcast(("state", x, 1), ("dt", step, 0), ("control", u, 1))
-        answer = question(name, parameters, x, u, step)
+        shape, (x, step, u, start) = broadcast(
+            ("state", x, 1), ("dt", step, 0), ("control", u, 1), ("time", start, 0)
+        )
+        answer = _QUESTIONS[number](name, parameters, x, u, step, start)
         in_range(answer, "state, dt or control")
         return np.asarray(answer).reshape((*shape, *((2 if number else 1) * (self.state_size,))))
 
 
-@dataclass(frozen=True)
-class ClohessyWiltshire(_Listed):
-    """Motion relative to a target on a circular orbit (Clohessy & Wiltshire 1960).
-
-    State ``[r v]``, ``(..., 6)``: chaser minus target, m and m/s, in the target's orbital frame (x along
-    track, y along the negative orbit normal, z to nadir), velocity as seen in that rotating frame. Exact for
-    ``x'' - 2 w z' = a_x``, ``y'' + w^2 y = a_y``, ``z'' + 2 w x' - 3 w^2 z = a_z`` with the control held over
-    the step; the process noise is exact for white acceleration, the coupling of x and z included. Left out:
-    eccentricity, the curvature of the orbit (0.1 m at 1.2 km), J2 (a few metres an orbit).
-
-    Parameters
-    ----------
-    mean_motion : float
-        ``w = sqrt(mu / a^3)`` of the target, rad/s; zero is free space.
-    acceleration_psd : float
-        Spectral density of the disturbing acceleration on each axis, m^2/s^3.
-
-    Raises
-    ------
-    InvalidInputError
-        If a parameter is negative or not finite.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> import losnav as ln
-    >>> orbit = ln.dynamics.ClohessyWiltshire(mean_motion=1.04248275e-3, acceleration_psd=1e-9)
-    >>> closed = [0.0, 0.0, 100.0, 2 * 1.04248275e-3 * 100.0, 0.0, 0.0]  # vx = 2 w z: bounded motion
-    >>> period = 2 * np.pi / orbit.mean_motion
-    >>> orbit.propagate(closed, period).round(6) + 0.0
-    array([  0.      ,   0.      , 100.      ,   0.208497,   0.      ,
-             0.      ])
-    """
-
-    mean_motion: float
-    acceleration_psd: float = 0.0
-
-    state_size: ClassVar[int] = 6
-
-    def __post_init__(self) -> None:
-        for name in ("mean_motion", "acceleration_psd"):
-            value = finite(getattr(self, name), name)
-            if value.ndim or value < 0.0:
-                raise InvalidInputError(f"{name}: expected a number >= 0, got {getattr(self, name)!r}")
-            object.__setattr__(self, name, float(value))
-
-    def _parameters(self) -> list[float]:
-        return [self.mean_motion, self.acceleration_psd]
+def hold_numbers(model: object, *, positive: Sequence[str] = (), at_least_zero: Sequence[str] = ()) -> None:
+    """Check the fields of a frozen model that are numbers, and hold them as floats."""
+    for name in (*positive, *at_least_zero):
+        value = finite(getattr(model, name), name)
+        strict = name in positive
+        if value.ndim or value < 0.0 or (strict and value == 0.0):
+            rule = "a number > 0" if strict else "a number >= 0"
+            raise InvalidInputError(f"{name}: expected {rule}, got {getattr(model, name)!r}")
+        object.__setattr__(model, name, float(value))

@@ -1,0 +1,14 @@
+"""Constants of nature, SI, each with its source."""
+
+__all__ = ["AU", "EARTH_J2", "EARTH_MU", "EARTH_RADIUS", "SUN_MU"]
+
+#: Gravitational parameter of the Earth with its atmosphere, m^3/s^2 (IERS Conventions 2010, table 1.1).
+EARTH_MU = 3.986004418e14
+#: Flattening of the Earth's gravity field (EGM96, tide free, 1.082626683e-3, rounded).
+EARTH_J2 = 1.08262668e-3
+#: Equatorial radius of the Earth, m (WGS 84).
+EARTH_RADIUS = 6378137.0
+#: Gravitational parameter of the Sun, m^3/s^2 (JPL DE405).
+SUN_MU = 1.32712440018e20
+#: Astronomical unit, m, exact (IAU 2012 resolution B2).
+AU = 149597870700.0
