@@ -41,7 +41,7 @@ from losnav.star_tracker._rotation import cross_matrices, rotation_matrices, uni
 from losnav.star_tracker.covariance import per_head, symmetric
 from losnav.star_tracker.crosscheck import checked_heads
 from losnav.star_tracker.field import whole
-from losnav.star_tracker.fusion import star_noise, stars_of
+from losnav.star_tracker.fusion import star_covariance, star_sigma, stars_of
 from losnav.star_tracker.heads import Head
 from losnav.star_tracker.star_noise import tangent_weights
 
@@ -244,7 +244,8 @@ def _gathered(heads: list[Head], body_vectors: Any, catalogue_vectors: Any, sigm
     for k, (frame, other) in enumerate(zip(frames, others, strict=True)):
         try:
             b, r = stars_of(heads, frame, other)
-            sigma, spread = star_noise(heads, b, noises)
+            inputs = zip(heads, b, noises, strict=True)
+            sigma = [star_sigma(*entry, n) for n, entry in enumerate(inputs)]
         except InvalidInputError as error:
             raise InvalidInputError(f"frame {k}: {error}") from error
         for n in range(len(heads)):
@@ -252,13 +253,14 @@ def _gathered(heads: list[Head], body_vectors: Any, catalogue_vectors: Any, sigm
                 rule = f"body_vectors[{n}]: expected shape (N, 3)"
                 raise InvalidInputError(f"frame {k}: {rule}, got {b[n].shape}")
             size = np.ones(len(b[n]))
-            weights = tangent_weights(b[n], spread[n])
-            entry = (k * size, n * size, unit(b[n]), unit(r[n]), weights, sigma[n])
+            spread = star_covariance(heads[n], b[n], noises[n], sigma[n])
+            entry = (k * size, n * size, b[n], r[n], spread, sigma[n])
             for part, value in zip(parts, entry, strict=True):
                 part.append(np.asarray(value))
     rows = [np.concatenate(part) for part in parts]
     frame, head = rows[0].astype(np.int64), rows[1].astype(np.int64)
-    return _Stars(frame, head, rows[2], rows[3], rows[4], rows[5], len(frames))
+    weights = tangent_weights(rows[2], rows[4])
+    return _Stars(frame, head, unit(rows[2]), unit(rows[3]), weights, rows[5], len(frames))
 
 
 def _attitudes(heads: list[Head], stars: _Stars) -> FloatArray:

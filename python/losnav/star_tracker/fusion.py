@@ -23,6 +23,7 @@ hardly.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -103,12 +104,16 @@ def fuse(
     """
     mounted = checked_heads(heads)
     stars = stars_of(mounted, body_vectors, catalogue_vectors, lenient=on_error == "nan")
-    imaged = [np.where(np.isnan(b), [0.0, 0.0, 1.0], b) for b in stars[0]]
+    imaged = stars[0]
+    if on_error == "nan":
+        imaged = [np.where(np.isnan(b), [0.0, 0.0, 1.0], b) for b in imaged]
     if covariances is None:
         noises = per_head(sigmas, len(mounted), "sigmas")
-        deviations, spreads = star_noise(mounted, imaged, noises)
-        if all(_round(h, noise, b) for h, noise, b in zip(mounted, noises, imaged, strict=True)):
-            spreads = []
+        inputs = list(zip(mounted, imaged, noises, strict=True))
+        deviations = [star_sigma(*entry, n) for n, entry in enumerate(inputs)]
+        spreads = []
+        if not all(_round(*entry) for entry in inputs):
+            spreads = [star_covariance(*i, d) for i, d in zip(inputs, deviations, strict=True)]
     else:
         deviations, spreads = _given(mounted, imaged, covariances)
     body = _joined([_turned(h, b) for h, b in zip(mounted, stars[0], strict=True)], "body_vectors")
@@ -135,16 +140,10 @@ def stars_of(
             array = as_float64([] if entry is None else entry, f"{name}[{n}]")
             if array.size == 0 and array.ndim == 1:
                 array = np.empty((0, 3))
-            if lenient:
-                with np.errstate(all="ignore"):
-                    good = np.abs(np.linalg.norm(array, axis=-1, keepdims=True) - 1.0) <= UNIT_TOLERANCE
-                array = np.where(good, array, np.nan)
-            else:
-                array = units(array, f"{name}[{n}]")
-            if array.ndim < 2:
+            if array.ndim < 2 or array.shape[-1] != 3:
                 raise InvalidInputError(f"{name}[{n}]: expected shape (..., N, 3), got {array.shape}")
             entries.append(array)
-        lists.append(entries)
+        lists.append(_checked(entries, name, lenient))
     for n, (b, r) in enumerate(zip(*lists, strict=True)):
         if b.shape[-2] != r.shape[-2]:
             raise InvalidInputError(
@@ -153,30 +152,42 @@ def stars_of(
     return lists[0], lists[1]
 
 
-def star_noise(
-    heads: list[Head], stars: list[FloatArray], noises: list[Any]
-) -> tuple[list[FloatArray], list[FloatArray]]:
-    """Standard deviations ``(..., N_n)`` and covariances ``(..., N_n, 3, 3)`` of every head's stars."""
-    deviations, spreads = [], []
-    for n, (head, b, noise) in enumerate(zip(heads, stars, noises, strict=True)):
-        if noise is None:
-            deviations.append(head.model.sigma(b))
-            spreads.append(head.model.covariance(b))
-            continue
-        sigma = positive(noise, f"sigmas[{n}]")
-        try:
-            sigma = np.broadcast_to(sigma, np.broadcast_shapes(sigma.shape, b.shape[:-1]))
-        except ValueError as error:
-            raise InvalidInputError(
-                f"sigmas[{n}]: expected a scalar or a shape that broadcasts with {b.shape[:-1]}, "
-                f"got {sigma.shape}"
-            ) from error
-        deviations.append(sigma)
-        spreads.append(sigma[..., np.newaxis, np.newaxis] ** 2 * np.eye(3))
-    return deviations, spreads
+def _checked(entries: list[FloatArray], name: str, lenient: bool) -> list[FloatArray]:
+    """Unit vectors, all heads looked at together; one by one only to say which is none."""
+    flat = np.concatenate([entry.reshape(-1, 3) for entry in entries])
+    with np.errstate(all="ignore"):
+        good = np.abs(np.sqrt(np.einsum("ni,ni->n", flat, flat)) - 1.0) <= UNIT_TOLERANCE
+    if good.all():
+        return entries
+    if not lenient:
+        return [units(entry, f"{name}[{n}]") for n, entry in enumerate(entries)]
+    edges = np.cumsum([0, *(entry.size // 3 for entry in entries)])
+    flags = [good[a:b].reshape(e.shape[:-1]) for (a, b), e in zip(pairwise(edges), entries, strict=True)]
+    return [np.where(f[..., np.newaxis], e, np.nan) for f, e in zip(flags, entries, strict=True)]
 
 
-def _round(head: Head, noise: Any, stars: FloatArray) -> bool:
+def star_sigma(head: Head, stars: FloatArray, noise: Any, number: int) -> FloatArray:
+    """Standard deviations ``(..., N)`` of a head's stars: as given, else by the head's model."""
+    if noise is None:
+        return head.model.sigma(stars)
+    sigma = positive(noise, f"sigmas[{number}]")
+    try:
+        return np.broadcast_to(sigma, np.broadcast_shapes(sigma.shape, stars.shape[:-1]))
+    except ValueError as error:
+        raise InvalidInputError(
+            f"sigmas[{number}]: expected a scalar or a shape that broadcasts with {stars.shape[:-1]}, "
+            f"got {sigma.shape}"
+        ) from error
+
+
+def star_covariance(head: Head, stars: FloatArray, noise: Any, sigma: FloatArray) -> FloatArray:
+    """Covariances ``(..., N, 3, 3)`` of a head's stars: isotropic where a number was given."""
+    if noise is None:
+        return head.model.covariance(stars)
+    return np.asarray(sigma[..., np.newaxis, np.newaxis] ** 2 * np.eye(3))
+
+
+def _round(head: Head, stars: FloatArray, noise: Any) -> bool:
     """Whether one number says all about the noise of a head's stars."""
     return noise is not None or isinstance(head.model, QuestNoise) or not stars.size
 
@@ -210,7 +221,7 @@ def _given(
 
 
 def _turned(head: Head, stars: FloatArray) -> FloatArray:
-    return np.asarray(unit(stars) @ head.mounting.T)
+    return np.asarray(stars @ head.mounting.T)
 
 
 def _joined(arrays: list[FloatArray], name: str, core: int = 2) -> FloatArray:
@@ -228,7 +239,7 @@ def _refined(
     body: FloatArray, reference: FloatArray, spread: FloatArray, start: AttitudeSolution
 ) -> AttitudeSolution:
     """Gauss-Newton on (W1) from Wahba's answer; problems it could not solve stay as they are."""
-    weight = tangent_weights(body, spread)
+    body, weight = unit(body), tangent_weights(body, spread)
     known = np.asarray(start.rank) == 3
     dcm, target = np.asarray(start.dcm), unit(reference)
     dcm = np.where(np.isfinite(dcm), dcm, np.eye(3))

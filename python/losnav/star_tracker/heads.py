@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
@@ -128,8 +129,7 @@ class Head:
     @property
     def model(self) -> StarNoise:
         """The noise model."""
-        assert isinstance(self.noise, StarNoise)
-        return self.noise
+        return cast(StarNoise, self.noise)
 
     def information(self, body_vectors: ArrayLike) -> FloatArray:
         """Information of stars about the head's attitude, by the head's noise model.
