@@ -34,6 +34,11 @@ REFERENCE = BODY @ DCM
 GUESS = np.concatenate([POSITION + np.array([1, -1, 2]), MRP + 0.015625])
 
 
+MOUNTINGS = np.stack([np.eye(3), np.eye(3)[[1, 2, 0]], attitude.dcm_from_mrp(-MRP)])
+VECTOR = np.array([1.0, -2, 2])
+HEAD_COVARIANCES = np.stack([np.diag([1.0, 2, 32]), np.eye(3) + 0.25, np.diag([4.0, 4, 64])]) * 2.0**-30
+
+
 @dataclass(frozen=True)
 class Call:
     """A function, its array arguments (name, value, number of core axes), and its options."""
@@ -44,6 +49,49 @@ class Call:
 
     def __call__(self, **changes):
         return self.function(**{**self.arrays, **changes}, **self.options)
+
+
+def star_tracker_calls():
+    """Those of losnav.star_tracker."""
+    st = ln.star_tracker
+    heads = [st.Head(m, noise=2.0**-15) for m in MOUNTINGS]
+    both = {"covariances": HEAD_COVARIANCES, "mountings": MOUNTINGS}
+    stars = np.stack([LOS[:4], LOS[1:5], LOS[2:]])
+    places = {"ra": np.array([0.25, 3.0]), "dec": np.array([-0.5, 1.0])}
+    spread = np.stack([np.eye(2), np.diag([1.0, 2])]) * 2.0**-30
+    velocity = np.array([12_000.0, -25_000, 8_000])
+    found = {
+        "star_information": Call(st.star_information, {"body_vectors": LOS, "sigma": SIGMA}, {}),
+        "fused_information": Call(
+            st.fused_information, {"informations": HEAD_COVARIANCES, "mountings": MOUNTINGS}, {}
+        ),
+        "fused_covariance": Call(st.fused_covariance, both, {}),
+        "mounting_sensitivity": Call(st.mounting_sensitivity, both, {}),
+        "mounting_bias": Call(st.mounting_bias, {**both, "errors": 2.0**-15 * np.eye(3)}, {}),
+        "consider_covariance": Call(
+            st.consider_covariance, {**both, "mounting_covariances": HEAD_COVARIANCES}, {}
+        ),
+        "half_width": Call(st.half_width, {"covariance": HEAD_COVARIANCES[1], "direction": VECTOR}, {}),
+        "intercept": Call(st.intercept, {"covariance": HEAD_COVARIANCES[1], "direction": VECTOR}, {}),
+        "intersection_intercept": Call(st.intersection_intercept, {**both, "direction": VECTOR}, {}),
+        "sandwich_ratio": Call(st.sandwich_ratio, {**both, "direction": VECTOR}, {}),
+        "aberrate": Call(st.aberrate, {"directions": LOS, "velocity": velocity}, {}),
+        "remove_aberration": Call(st.remove_aberration, {"directions": LOS, "velocity": velocity}, {}),
+        "catalogue_directions": Call(st.catalogue_directions, places, {"dt": 2.0**30, "pmra": 2.0**-40}),
+        "catalogue_covariance": Call(st.catalogue_covariance, {**places, "covariance": spread}, {}),
+        "select_stars": Call(st.select_stars, {"body_vectors": LOS, "sigma": SIGMA}, {"count": 3}),
+        "fuse": Call(
+            st.fuse,
+            {"body_vectors": stars, "catalogue_vectors": stars @ MOUNTINGS.transpose(0, 2, 1)},
+            {"heads": heads},
+        ),
+        "fuse_attitudes": Call(
+            st.fuse_attitudes,
+            {"attitudes": MOUNTINGS.transpose(0, 2, 1), "covariances": HEAD_COVARIANCES},
+            {"heads": heads},
+        ),
+    }
+    return {f"star_tracker.{name}": call for name, call in found.items()}
 
 
 CALLS = {
@@ -101,6 +149,7 @@ CALLS = {
         {"seed": 1},
     ),
 }
+CALLS |= star_tracker_calls()
 # A function that is not there yet fails in test_contract.py, not here.
 CALLS = {name: call for name, call in CALLS.items() if call.function}
 DOORS = [(name, argument) for name, call in CALLS.items() for argument in call.arrays]
@@ -133,8 +182,8 @@ ATTITUDE_FIELDS = (
 
 def numbers(result):
     """The numerical content of any result as a list of arrays."""
-    if isinstance(result, np.ndarray):
-        return [result]
+    if isinstance(result, np.ndarray | np.generic):
+        return [np.asarray(result)]
     if hasattr(result, "free_axis"):
         return [np.asarray(getattr(result, field)) for field in ATTITUDE_FIELDS]
     if hasattr(result, "termination"):

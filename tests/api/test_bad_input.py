@@ -73,7 +73,7 @@ def test_things_that_are_no_numbers(name, argument, bad):
 
 @pytest.mark.parametrize(("name", "argument"), DOORS)
 def test_wrong_core_shapes(name, argument):
-    if name == "noise.isotropic":
+    if name == "noise.isotropic" or argument in {"ra", "dec"}:
         return  # any number of directions will do
     call = CALLS[name]
     value = call.arrays[argument]

@@ -20,9 +20,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from losnav._arrays import ArrayLike, FloatArray, broadcast, finite, units, vectors
+from losnav._arrays import ArrayLike, FloatArray, broadcast, finite, in_range, units, vectors
 from losnav._arrays import covariances as checked_covariances
 from losnav.errors import InvalidInputError
+from losnav.star_tracker.covariance import symmetric
 
 __all__ = [
     "ASTRONOMICAL_UNIT",
@@ -73,7 +74,8 @@ def aberrate(directions: ArrayLike, velocity: ArrayLike) -> FloatArray:
     u = units(directions, "directions")
     u = u / np.linalg.norm(u, axis=-1, keepdims=True)
     beta = vectors(velocity, "velocity") / SPEED_OF_LIGHT
-    square = (beta**2).sum(axis=-1, keepdims=True)
+    # Squares of what is refused anyway may overflow.
+    square = (np.minimum(np.abs(beta), 2.0) ** 2).sum(axis=-1, keepdims=True)
     if not (square < 1.0).all():
         raise InvalidInputError("velocity: expected a speed below that of light, in m/s")
     try:
@@ -179,14 +181,16 @@ def catalogue_directions(
         ra, dec, pmra, pmdec, parallax, radial_velocity, dt
     )
     moved = outward
-    rate = east * motion[0] + north * motion[1] + outward * motion[2]
-    if observer is not None:
-        place = vectors(observer, "observer")
-        _fits(place, "observer", moved)
-        time = time + (place * moved).sum(axis=-1, keepdims=True) / SPEED_OF_LIGHT
-        moved = moved - distance * place / ASTRONOMICAL_UNIT
-    moved = moved + time * rate
-    directions = moved / np.linalg.norm(moved, axis=-1, keepdims=True)
+    with np.errstate(over="ignore", invalid="ignore"):
+        rate = east * motion[0] + north * motion[1] + outward * motion[2]
+        if observer is not None:
+            place = vectors(observer, "observer")
+            _fits(place, "observer", moved)
+            time = time + (place * moved).sum(axis=-1, keepdims=True) / SPEED_OF_LIGHT
+            moved = moved - distance * place / ASTRONOMICAL_UNIT
+        moved = moved + time * rate
+        directions = moved / np.linalg.norm(moved, axis=-1, keepdims=True)
+    in_range(directions, "motion, dt, observer")
     return np.asarray(directions) if velocity is None else aberrate(directions, velocity)
 
 
@@ -252,8 +256,10 @@ def catalogue_covariance(
         columns += [time * east, time * north]
     jacobian = np.stack(np.broadcast_arrays(*columns), axis=-1)
     shape, (j, c) = broadcast(("ra, dec, dt", jacobian, 2), ("covariance", spread, 2))
-    result = j @ c @ np.swapaxes(j, -1, -2)
-    return np.asarray((0.5 * (result + np.swapaxes(result, -1, -2))).reshape((*shape, 3, 3)))
+    with np.errstate(over="ignore", invalid="ignore", under="ignore"):
+        result = symmetric(j @ c @ np.swapaxes(j, -1, -2))
+    in_range(result, "covariance, dt, observer")
+    return np.asarray(result.reshape((*shape, 3, 3)))
 
 
 def _linear_motion(
@@ -270,7 +276,8 @@ def _linear_motion(
     east = np.stack([-sa, ca, np.zeros_like(a)], axis=-1)
     north = np.stack([-sd * ca, -sd * sa, cd], axis=-1)
     outward = np.stack([cd * ca, cd * sa, sd], axis=-1)
-    expansion = outward_speed * parallax / ASTRONOMICAL_UNIT
+    with np.errstate(over="ignore"):
+        expansion = outward_speed * (parallax / ASTRONOMICAL_UNIT)
     rates = [r[..., np.newaxis] for r in (east_rate, north_rate, expansion)]
     return east, north, outward, rates, parallax[..., np.newaxis], time[..., np.newaxis]
 

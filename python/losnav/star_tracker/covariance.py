@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from losnav._arrays import ArrayLike, FloatArray, broadcast, positive, rotations, units
+from losnav._arrays import ArrayLike, FloatArray, as_float64, broadcast, positive, rotations, units
 from losnav._arrays import covariances as checked_covariances
 from losnav.errors import InvalidInputError, UnobservableError
 
@@ -34,6 +34,8 @@ __all__ = [
 
 # Smallest over largest eigenvalue below which a matrix of doubles has no inverse.
 SINGULAR = 1e-14
+# Numbers whose products and inverses stay in range; a covariance is the square of one.
+SMALLEST, LARGEST = 1e-50, 1e50
 
 
 def star_information(body_vectors: ArrayLike, sigma: ArrayLike = 1.0) -> FloatArray:
@@ -67,7 +69,7 @@ def star_information(body_vectors: ArrayLike, sigma: ArrayLike = 1.0) -> FloatAr
     b = units(body_vectors, "body_vectors")
     if b.ndim < 2:
         raise InvalidInputError(f"body_vectors: expected shape (..., N, 3), got {b.shape}")
-    spread = positive(sigma, "sigma")
+    spread = in_scale(positive(sigma, "sigma"), "sigma")
     try:
         weight = np.broadcast_to(spread, np.broadcast_shapes(spread.shape, b.shape[:-1])) ** -2.0
     except ValueError as error:
@@ -111,7 +113,8 @@ def fused_information(informations: ArrayLike, mountings: ArrayLike) -> FloatArr
            [0., 0., 1.]])
     """
     shape, (f, s) = with_mountings(
-        ("informations", checked_covariances(informations, "informations")), mountings
+        ("informations", in_scale(checked_covariances(informations, "informations"), "informations", 2)),
+        mountings,
     )
     return symmetric((s @ f @ np.swapaxes(s, -1, -2)).sum(axis=-3).reshape((*shape, 3, 3)))
 
@@ -214,7 +217,7 @@ def symmetric(matrix: FloatArray) -> FloatArray:
 
 def inverse_covariances(value: ArrayLike, name: str) -> FloatArray:
     """Inverses of positive definite ``(..., 3, 3)``; refuses singular ones, naming the first."""
-    array = checked_covariances(value, name)
+    array = in_scale(checked_covariances(value, name), name, 2)
     inverse, singular = _inverse(array)
     if singular.any():
         index = [int(i) for i in np.argwhere(singular)[0]]
@@ -239,10 +242,29 @@ def inverse_information(information: FloatArray) -> FloatArray:
     return inverse
 
 
-def per_head(value: Any, count: int, name: str) -> list[Any]:
-    """One entry for each head of a scalar for all, or a sequence with as many entries as heads."""
-    if not isinstance(value, list | tuple) and np.ndim(value) == 0:
-        return [value] * count
+def in_scale(array: FloatArray, name: str, core: int = 0) -> FloatArray:
+    """Refuse what leaves the range of numbers when squared or inverted; matrices by their largest entry."""
+    size = np.abs(array).max(axis=tuple(range(-core, 0)), initial=0.0) if core else np.abs(array)
+    power = 2 if core == 2 else 1
+    bad = (size > LARGEST**power) | ((size > 0.0) & (size < SMALLEST**power))
+    if bad.any():
+        index = tuple(int(i) for i in np.argwhere(bad)[0])
+        raise InvalidInputError(
+            f"{name}{list(index) or ''}: expected a size between {SMALLEST**power:g} and {LARGEST**power:g}, "
+            f"got {size[index]:g}"
+        )
+    return array
+
+
+def per_head(value: Any, count: int, name: str, *, scalar: bool = True) -> list[Any]:
+    """One entry for each head, of a sequence with as many; with ``scalar`` also one value for all."""
+    if not isinstance(value, list | tuple):
+        if scalar and np.ndim(value) == 0:
+            return [value] * count
+        array = as_float64(value, name)
+        if not array.ndim:
+            raise InvalidInputError(f"{name}: expected {count} entries, one for each head, got one number")
+        value = list(array)
     entries = list(value)
     if len(entries) != count:
         raise InvalidInputError(f"{name}: expected {count} entries, one for each head, got {len(entries)}")

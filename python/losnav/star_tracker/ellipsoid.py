@@ -17,7 +17,7 @@ import numpy as np
 from losnav._arrays import ArrayLike, FloatArray, broadcast, rotations, vectors
 from losnav._arrays import covariances as checked_covariances
 from losnav.errors import InvalidInputError
-from losnav.star_tracker.covariance import fused_covariance, inverse_covariances
+from losnav.star_tracker.covariance import fused_covariance, in_scale, inverse_covariances
 
 __all__ = ["ellipsoid_points", "half_width", "intercept", "intersection_intercept", "sandwich_ratio"]
 
@@ -52,7 +52,9 @@ def half_width(covariance: ArrayLike, direction: ArrayLike) -> FloatArray:
     >>> round(float(projection), 3), round(float(cut), 3)       # a tilted ellipsoid: not the same
     (1.0, 0.707)
     """
-    return np.sqrt(_quadratic(checked_covariances(covariance, "covariance"), direction))
+    return np.sqrt(
+        _quadratic(in_scale(checked_covariances(covariance, "covariance"), "covariance", 2), direction)
+    )
 
 
 def intercept(covariance: ArrayLike, direction: ArrayLike) -> FloatArray:

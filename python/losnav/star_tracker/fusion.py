@@ -34,7 +34,7 @@ from losnav._arrays import covariances as checked_covariances
 from losnav.attitude_determination import AttitudeSolution, solve_attitude
 from losnav.errors import InvalidInputError
 from losnav.star_tracker._rotation import cross_matrices, rotation_matrices, unit
-from losnav.star_tracker.covariance import per_head
+from losnav.star_tracker.covariance import in_scale, per_head
 from losnav.star_tracker.crosscheck import checked_heads
 from losnav.star_tracker.heads import Head
 from losnav.star_tracker.star_noise import QuestNoise, tangent_weights
@@ -136,7 +136,7 @@ def stars_of(
     lists = []
     for value, name in ((body_vectors, "body_vectors"), (catalogue_vectors, "catalogue_vectors")):
         entries = []
-        for n, entry in enumerate(per_head(value, len(heads), name)):
+        for n, entry in enumerate(per_head(value, len(heads), name, scalar=False)):
             array = as_float64([] if entry is None else entry, f"{name}[{n}]")
             if array.size == 0 and array.ndim == 1:
                 array = np.empty((0, 3))
@@ -170,7 +170,7 @@ def star_sigma(head: Head, stars: FloatArray, noise: Any, number: int) -> FloatA
     """Standard deviations ``(..., N)`` of a head's stars: as given, else by the head's model."""
     if noise is None:
         return head.model.sigma(stars)
-    sigma = positive(noise, f"sigmas[{number}]")
+    sigma = in_scale(positive(noise, f"sigmas[{number}]"), f"sigmas[{number}]")
     try:
         return np.broadcast_to(sigma, np.broadcast_shapes(sigma.shape, stars.shape[:-1]))
     except ValueError as error:
@@ -197,12 +197,14 @@ def _given(
 ) -> tuple[list[FloatArray], list[FloatArray]]:
     """Root mean square across each star, and the covariances as they are."""
     deviations, spreads = [], []
-    for n, (b, value) in enumerate(zip(stars, per_head(covariances, len(heads), "covariances"), strict=True)):
+    for n, (b, value) in enumerate(
+        zip(stars, per_head(covariances, len(heads), "covariances", scalar=False), strict=True)
+    ):
         if not b.size:
             deviations.append(np.empty(b.shape[:-1]))
             spreads.append(np.empty((*b.shape, 3)))
             continue
-        spread = checked_covariances(value, f"covariances[{n}]")
+        spread = in_scale(checked_covariances(value, f"covariances[{n}]"), f"covariances[{n}]", 2)
         try:
             spread = np.broadcast_to(spread, np.broadcast_shapes(spread.shape, (*b.shape, 3)))
         except ValueError as error:

@@ -29,6 +29,7 @@ import numpy as np
 from losnav._arrays import ArrayLike, FloatArray, positive, vectors
 from losnav.errors import DegenerateGeometryError, InvalidInputError
 from losnav.star_tracker._rotation import mounting_of, unit
+from losnav.star_tracker.covariance import in_scale
 from losnav.star_tracker.field import whole
 
 __all__ = ["Layout", "optimal_layout", "tight_frame"]
@@ -212,7 +213,7 @@ def optimal_layout(
 
 
 def _per_head(value: ArrayLike, count: int, name: str) -> FloatArray:
-    array = positive(value, name)
+    array = in_scale(positive(value, name), name)
     if array.shape not in ((), (count,)):
         raise InvalidInputError(f"{name}: expected a scalar or shape ({count},), got {array.shape}")
     return np.asarray(np.broadcast_to(array, count), dtype=np.float64)

@@ -19,6 +19,7 @@ from losnav._arrays import covariances as checked_covariances
 from losnav.errors import InvalidInputError
 from losnav.star_tracker.covariance import (
     fused_covariance,
+    in_scale,
     inverse_covariances,
     inverse_information,
     same_count,
@@ -136,6 +137,7 @@ def consider_covariance(
     """
     gains = mounting_sensitivity(covariances, mountings)
     spread = checked_covariances(mounting_covariances, "mounting_covariances")
+    in_scale(spread, "mounting_covariances", 2)
     same_count(spread, gains.shape[-3], "mounting_covariances", 3)
     shape, (g, c) = broadcast(("covariances", gains, 3), ("mounting_covariances", spread, 3))
     added = (g @ c @ np.swapaxes(g, -1, -2)).sum(axis=-3).reshape((*shape, 3, 3))
@@ -144,7 +146,7 @@ def consider_covariance(
 
 def vectors_per_head(value: ArrayLike, count: int, name: str) -> FloatArray:
     """Finite ``(..., N, 3)`` with one row for each head."""
-    array = vectors(value, name)
+    array = in_scale(vectors(value, name), name, 1)
     if array.ndim < 2 or array.shape[-2] != count:
         raise InvalidInputError(f"{name}: expected shape (..., {count}, 3), got {array.shape}")
     return array

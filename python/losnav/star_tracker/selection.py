@@ -25,6 +25,7 @@ import numpy.typing as npt
 from losnav._arrays import ArrayLike, FloatArray, positive, units
 from losnav._arrays import covariances as checked_covariances
 from losnav.errors import InvalidInputError
+from losnav.star_tracker.covariance import in_scale
 from losnav.star_tracker.field import whole
 
 __all__ = ["select_stars"]
@@ -94,14 +95,14 @@ def select_stars(
     number = whole(count, "count", 2 if information is None else 1)
     if number > len(b):
         raise InvalidInputError(f"count: expected at most the {len(b)} stars there are, got {number}")
-    spread = positive(sigma, "sigma")
+    spread = in_scale(positive(sigma, "sigma"), "sigma")
     if spread.shape not in ((), (len(b),)):
         raise InvalidInputError(f"sigma: expected a scalar or shape ({len(b)},), got {spread.shape}")
     if criterion not in ("trace", "determinant", "worst"):
         raise InvalidInputError(f'criterion: expected "trace", "determinant" or "worst", got {criterion!r}')
     prior = np.zeros((3, 3))
     if information is not None:
-        prior = checked_covariances(information, "information")
+        prior = in_scale(checked_covariances(information, "information"), "information", 2)
         if prior.shape != (3, 3):
             raise InvalidInputError(f"information: expected shape (3, 3), got {prior.shape}")
     each = _each(b, spread)

@@ -75,7 +75,7 @@ def to_epoch(
     moment = finite(epoch, "epoch")
     if moment.ndim:
         raise InvalidInputError(f"epoch: expected one number, got shape {moment.shape}")
-    stars = per_head(body_vectors, len(mounted), "body_vectors")
+    stars = per_head(body_vectors, len(mounted), "body_vectors", scalar=False)
     stamps = per_head(times, len(mounted), "times")
     result = []
     for n, (head, b, t) in enumerate(zip(mounted, stars, stamps, strict=True)):
