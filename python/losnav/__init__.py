@@ -25,10 +25,10 @@ from losnav.pose import (
 )
 
 if TYPE_CHECKING:
-    from losnav import campaign, consistency, scenarios, star_tracker
+    from losnav import campaign, consistency, orbits, scenarios, star_tracker
 
 # Imported when first asked for: solving poses needs none of them.
-_LATER = ("campaign", "consistency", "scenarios", "star_tracker")
+_LATER = ("campaign", "consistency", "orbits", "scenarios", "star_tracker")
 
 __all__ = [
     "AttitudeSolution",
@@ -51,6 +51,7 @@ __all__ = [
     "los_jacobian",
     "noise",
     "observability",
+    "orbits",
     "pose_observability",
     "predict_los",
     "scenarios",

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from losnav._arrays import ArrayLike, FloatArray, in_range, vectors
 from losnav.dynamics.listed import Listed, hold_numbers
 from losnav.errors import InvalidInputError
 
@@ -53,6 +56,32 @@ class TwoBody(Listed):
     def __post_init__(self) -> None:
         hold_numbers(self, positive=("mu",), at_least_zero=("acceleration_psd",))
         hold_flattening(self, self.j2, self.radius)
+
+    def acceleration(self, position: ArrayLike) -> FloatArray:
+        """Gravitational acceleration of the model.
+
+        Parameters
+        ----------
+        position : (..., 3)
+            From the planet's centre, inertial axes, m.
+
+        Returns
+        -------
+        (..., 3)
+            m/s^2.
+
+        Raises
+        ------
+        InvalidInputError
+            On a wrong shape, NaN, infinity, or the centre itself.
+        """
+        r = vectors(position, "position")
+        with np.errstate(all="ignore"):
+            square = np.einsum("...i,...i->...", r, r)[..., np.newaxis]
+            lift = 1.5 * (self.j2 or 0.0) * (self.radius or 0.0) ** 2 / square
+            tilt = np.array([1.0, 1.0, 3.0]) - 5 * r[..., 2:] ** 2 / square
+            pull = -self.mu / (square * np.sqrt(square)) * r
+            return in_range(np.asarray(pull * (1 + lift * tilt)), "position")
 
     def _parameters(self) -> list[float]:
         return [self.mu, self.j2 or 0.0, self.radius or 0.0, self.acceleration_psd]
