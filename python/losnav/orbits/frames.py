@@ -87,7 +87,7 @@ def lvlh_rate(position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike 
         As for :func:`lvlh_from_inertial`.
     acceleration : (..., 3), optional
         Of the spacecraft, inertial axes, m/s^2. Only its part ``a_h`` across the orbital plane matters, which
-        a point mass does not have; J2 turns the frame by 5e-4 of its rate in low orbit.
+        a point mass does not have; J2 turns the frame by 1e-3 of its rate in low orbit.
 
     Returns
     -------
