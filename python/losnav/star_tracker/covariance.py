@@ -116,7 +116,7 @@ def fused_information(informations: ArrayLike, mountings: ArrayLike) -> FloatArr
         ("informations", in_scale(checked_covariances(informations, "informations"), "informations", 2)),
         mountings,
     )
-    return symmetric((s @ f @ np.swapaxes(s, -1, -2)).sum(axis=-3).reshape((*shape, 3, 3)))
+    return _summed(f, s).reshape((*shape, 3, 3))
 
 
 def fused_covariance(covariances: ArrayLike, mountings: ArrayLike) -> FloatArray:
@@ -152,8 +152,10 @@ def fused_covariance(covariances: ArrayLike, mountings: ArrayLike) -> FloatArray
     >>> np.sqrt(np.diag(fused)).round(3)
     array([1.759, 1.759, 1.759])
     """
-    information = fused_information(inverse_covariances(covariances, "covariances"), mountings)
-    return inverse_information(information)
+    shape, (f, s) = with_mountings(
+        ("covariances", inverse_covariances(covariances, "covariances")), mountings
+    )
+    return inverse_information(_summed(f, s).reshape((*shape, 3, 3)))
 
 
 def fused_covariance_from_stars(
@@ -289,6 +291,10 @@ def _inverse(array: FloatArray) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
     singular = ~(np.linalg.eigvalsh(unit)[..., 0] > SINGULAR)
     safe = np.where(singular[..., np.newaxis, np.newaxis], np.eye(3), unit)
     return symmetric(np.linalg.inv(safe)) / scale, singular
+
+
+def _summed(f: FloatArray, s: FloatArray) -> FloatArray:
+    return symmetric((s @ f @ np.swapaxes(s, -1, -2)).sum(axis=-3))
 
 
 def with_mountings(

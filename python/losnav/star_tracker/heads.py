@@ -8,7 +8,7 @@ from typing import cast
 
 import numpy as np
 
-from losnav._arrays import ArrayLike, FloatArray, finite, rotations
+from losnav._arrays import ArrayLike, FloatArray, finite, rotations, units
 from losnav._arrays import covariances as checked_covariances
 from losnav.errors import InvalidInputError
 from losnav.star_tracker._rotation import mounting_of, unit
@@ -156,7 +156,8 @@ class Head:
         >>> head.information([[0.0, 0.0, 1.0]]).diagonal()
         array([4., 4., 0.])
         """
-        return information_of_directions(body_vectors, self.model.covariance(body_vectors))
+        b = units(body_vectors, "body_vectors")
+        return information_of_directions(b, self.model.covariance(b))
 
     def covariance(self, stars: int, shape: Shape = "square") -> FloatArray:
         """Attitude covariance expected of so many stars spread over the field, :func:`head_covariance`.

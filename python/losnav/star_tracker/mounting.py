@@ -61,7 +61,7 @@ def mounting_sensitivity(covariances: ArrayLike, mountings: ArrayLike) -> FloatA
            [0.5, 0.5, 0.5]])
     """
     informations = inverse_covariances(covariances, "covariances")
-    shape, (f, s) = with_mountings(("informations", informations), mountings)
+    shape, (f, s) = with_mountings(("covariances", informations), mountings)
     turned = s @ f @ np.swapaxes(s, -1, -2)
     gains = inverse_information(symmetric(turned.sum(axis=-3)))[..., np.newaxis, :, :] @ turned
     return np.asarray(gains.reshape((*shape, *gains.shape[-3:])))

@@ -19,7 +19,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from losnav import noise as direction_noise
-from losnav._arrays import ArrayLike, FloatArray, finite, positive, units
+from losnav._arrays import ArrayLike, FloatArray, positive, units
 from losnav.errors import InvalidInputError
 from losnav.star_tracker._rotation import cross_matrices, unit
 
@@ -138,16 +138,16 @@ class PixelNoise:
         return np.asarray(np.sqrt(0.5 * np.trace(self.covariance(body_vectors), axis1=-2, axis2=-1)))
 
 
-def information_of_directions(body_vectors: ArrayLike, covariance: FloatArray) -> FloatArray:
+def information_of_directions(body_vectors: FloatArray, covariance: FloatArray) -> FloatArray:
     """``sum [b x]' R^+ [b x]`` over directions ``(..., N, 3)`` with covariances of rank 2."""
     weight = tangent_weights(body_vectors, covariance)
-    cross = cross_matrices(unit(finite(body_vectors, "body_vectors")))
+    cross = cross_matrices(unit(body_vectors))
     return np.asarray((np.swapaxes(cross, -1, -2) @ weight @ cross).sum(axis=-3))
 
 
-def tangent_weights(body_vectors: ArrayLike, covariance: FloatArray) -> FloatArray:
+def tangent_weights(body_vectors: FloatArray, covariance: FloatArray) -> FloatArray:
     """Inverses of covariances on the tangent planes of their directions, ``(R + s bb')^-1 - bb' / s``."""
-    b = unit(finite(body_vectors, "body_vectors"))
+    b = unit(body_vectors)
     outer = b[..., :, np.newaxis] * b[..., np.newaxis, :]
     scale = np.trace(covariance, axis1=-2, axis2=-1)[..., np.newaxis, np.newaxis]
     inside = (np.eye(3) - outer) @ covariance @ (np.eye(3) - outer)
