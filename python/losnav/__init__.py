@@ -25,20 +25,25 @@ from losnav.pose import (
 )
 
 if TYPE_CHECKING:
-    from losnav import campaign, consistency, orbits, scenarios, star_tracker
+    from losnav import campaign, consistency, filters, orbits, scenarios, star_tracker
+    from losnav.filters import ExtendedKalmanFilter, FilterLog, Step
 
 # Imported when first asked for: solving poses needs none of them.
-_LATER = ("campaign", "consistency", "orbits", "scenarios", "star_tracker")
+_LATER = ("campaign", "consistency", "filters", "orbits", "scenarios", "star_tracker")
+_LATER_FROM = {"ExtendedKalmanFilter": "filters", "FilterLog": "filters", "Step": "filters"}
 
 __all__ = [
     "AttitudeSolution",
     "DegenerateGeometryError",
+    "ExtendedKalmanFilter",
+    "FilterLog",
     "InvalidInputError",
     "LosnavError",
     "NumericalError",
     "Observability",
     "PoseObservability",
     "PoseSolution",
+    "Step",
     "Termination",
     "UnobservableError",
     "__version__",
@@ -47,6 +52,7 @@ __all__ = [
     "consistency",
     "constants",
     "dynamics",
+    "filters",
     "fisher_information",
     "los_jacobian",
     "noise",
@@ -66,8 +72,10 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name in _LATER:
         return importlib.import_module(f"losnav.{name}")
+    if name in _LATER_FROM:
+        return getattr(importlib.import_module(f"losnav.{_LATER_FROM[name]}"), name)
     raise AttributeError(f"module 'losnav' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_LATER})
+    return sorted({*globals(), *_LATER, *_LATER_FROM})

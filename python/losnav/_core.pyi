@@ -10,8 +10,11 @@ from losnav.observability import PoseObservability
 
 __all__ = [
     "ISA",
+    "ArcRecord",
     "AttitudeSolution",
+    "Filter",
     "PoseSolution",
+    "Step",
     "__version__",
     "attitude_solution",
     "dcm_from_mrp",
@@ -238,3 +241,102 @@ class AttitudeSolution:
     def _restore(
         shape: Sequence[int], single: bool, records: _Floats, inliers: Sequence[bool] | None
     ) -> AttitudeSolution: ...
+
+@final
+class Filter:
+    """The estimate of a filter and what moves it."""
+
+    time: float
+    def __new__(
+        cls,
+        name: str | None,
+        parameters: Sequence[float],
+        size: int,
+        form: str,
+        iterations: int,
+        underweighting: float,
+        consider: Sequence[int],
+        gate: Callable[[int], float] | None,
+        relock_after: float,
+        /,
+    ) -> Filter: ...
+    def set(self, states: _Floats, matrices: _Floats, stored: bool) -> None: ...
+    def state(self) -> _Floats: ...
+    def covariance(self) -> _Floats: ...
+    def stored(self) -> _Floats: ...
+    def rejections(self) -> list[tuple[Any, float]]: ...
+    def set_rejections(self, counts: list[tuple[Any, float]]) -> None: ...
+    def predict(self, dt: float, control: npt.ArrayLike | None, /) -> None: ...
+    def step(
+        self,
+        dt: float | None,
+        sensor: Any,
+        z: npt.ArrayLike,
+        control: npt.ArrayLike | None,
+        context: dict[str, Any],
+        /,
+    ) -> Step | None: ...
+    def run(
+        self,
+        times: npt.ArrayLike,
+        measurements: Sequence[tuple[Any, npt.ArrayLike]],
+        controls: npt.ArrayLike | None,
+        context: dict[str, Any],
+        /,
+    ) -> ArcRecord | None: ...
+    def predict_given(self, dt: float, state: _Floats, transition: _Floats, noise: _Floats) -> bool: ...
+    def attempt(self, innovation: _Floats, jacobian: _Floats, offset: _Floats) -> tuple[_Floats, float]: ...
+    def commit(self) -> bool: ...
+    def bound_for(self, sensor: Any, dof: int) -> float: ...
+    def count(self, sensor: Any, accepted: bool) -> None: ...
+
+@final
+class Step:
+    """What one update of a filter did."""
+
+    def __new__(
+        cls,
+        sensor: Any,
+        context: dict[str, Any],
+        state: npt.ArrayLike,
+        covariance: npt.ArrayLike,
+        innovation: npt.ArrayLike,
+        nis: float,
+        dof: int,
+        accepted: bool,
+        underweighting: float,
+        consider: Sequence[int],
+        /,
+    ) -> Step: ...
+    @property
+    def innovation(self) -> _Floats: ...
+    @property
+    def innovation_covariance(self) -> _Floats: ...
+    @property
+    def gain(self) -> _Floats: ...
+    @property
+    def nis(self) -> float: ...
+    @property
+    def dof(self) -> int: ...
+    @property
+    def accepted(self) -> bool: ...
+    @property
+    def prior_state(self) -> _Floats: ...
+    @property
+    def prior_covariance(self) -> _Floats: ...
+    def __reduce__(self) -> tuple[type[Step], tuple[Any, ...]]: ...
+
+@final
+class ArcRecord:
+    """What whole arcs of a filter left behind."""
+
+    @property
+    def rows(self) -> list[int]: ...
+    @property
+    def dof(self) -> list[int]: ...
+    def state(self) -> _Floats: ...
+    def covariance(self) -> _Floats: ...
+    def nis(self) -> _Floats: ...
+    def accepted(self) -> npt.NDArray[np.bool_]: ...
+    def innovation(self) -> _Floats: ...
+    def smooth(self) -> ArcRecord: ...

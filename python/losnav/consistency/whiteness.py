@@ -207,7 +207,7 @@ def autocorrelation(
 
 def _innovations(log: Any, sensor: int) -> tuple[FloatArray, int | None]:
     """Innovations (..., T, M) of one sensor, NaN where not used, and their degrees of freedom."""
-    every = log.innovation
+    every = getattr(log, "innovations", None) or log.innovation
     if isinstance(every, np.ndarray):
         every = [every]
     if not -len(every) <= sensor < len(every):

@@ -10,12 +10,20 @@ use losnav_core::math::real::Real;
 pub trait Lanes: Real {
     /// `pick(i)` in lane `i`.
     fn gather(pick: impl Fn(usize) -> f64) -> Self;
+    /// Lane after lane into `out`.
+    fn write(self, out: &mut [f64]);
 }
 
 impl Lanes for f64 {
     #[inline(always)]
     fn gather(pick: impl Fn(usize) -> f64) -> Self {
         pick(0)
+    }
+    #[inline(always)]
+    fn write(self, out: &mut [f64]) {
+        if let [out] = out {
+            *out = self;
+        }
     }
 }
 
@@ -69,6 +77,19 @@ impl Isa {
             Self::Avx512 => "avx512",
         }
     }
+}
+
+/// Problems side by side in [`wide`] work.
+pub fn lanes() -> usize {
+    struct Count;
+    impl Job for Count {
+        type Output = usize;
+        #[inline(always)]
+        fn run<V: Lanes, S: Lanes>(self) -> usize {
+            V::LANES
+        }
+    }
+    wide(Count)
 }
 
 /// Work written once: `V` the lanes, `S` one number. `run` must be `#[inline(always)]`.

@@ -1,7 +1,9 @@
 //! The exceptions, which live in Python (`losnav.errors`), and the one sentence each.
 use pyo3::prelude::*;
 
+pyo3::import_exception!(losnav.errors, DegenerateGeometryError);
 pyo3::import_exception!(losnav.errors, InvalidInputError);
+pyo3::import_exception!(losnav.errors, NumericalError);
 
 /// A rule broken by one value.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -194,6 +194,12 @@ impl Lanes for F64x4 {
         // Set from registers: lanes written one by one through memory would stall the load.
         Self(unsafe { _mm256_set_pd(pick(3), pick(2), pick(1), pick(0)) })
     }
+    #[inline(always)]
+    fn write(self, out: &mut [f64]) {
+        if let Some(out) = out.first_chunk_mut::<4>() {
+            *out = self.array();
+        }
+    }
 }
 
 /// Eight numbers (AVX-512F).
@@ -338,6 +344,12 @@ impl Lanes for F64x8 {
     fn gather(pick: impl Fn(usize) -> f64) -> Self {
         Self(unsafe { _mm512_set_pd(pick(7), pick(6), pick(5), pick(4), pick(3), pick(2), pick(1), pick(0)) })
     }
+    #[inline(always)]
+    fn write(self, out: &mut [f64]) {
+        if let Some(out) = out.first_chunk_mut::<8>() {
+            *out = self.array();
+        }
+    }
 }
 
 /// One number whose `mul_add` is one instruction (FMA).
@@ -429,5 +441,11 @@ impl Lanes for Fused {
     #[inline(always)]
     fn gather(pick: impl Fn(usize) -> f64) -> Self {
         Self(pick(0))
+    }
+    #[inline(always)]
+    fn write(self, out: &mut [f64]) {
+        if let [out] = out {
+            *out = self.0;
+        }
     }
 }

@@ -8,6 +8,7 @@ mod convert;
 mod dispatch;
 mod dynamics;
 mod errors;
+mod filter;
 mod inputs;
 #[cfg(target_arch = "x86_64")]
 mod lanes;
@@ -17,6 +18,7 @@ mod pose;
 mod robust;
 mod sensors;
 mod solution;
+mod threads;
 mod values;
 mod wahba;
 mod wahba_inputs;
@@ -38,6 +40,8 @@ mod _core {
     use crate::dynamics::{
         dynamics_process_noise, dynamics_propagate, dynamics_single, dynamics_trajectory, dynamics_transition,
     };
+    #[pymodule_export]
+    use crate::filter::{ArcRecord, Filter, Step};
     #[pymodule_export]
     use crate::los::{fisher_information, los_jacobian, predict_los};
     #[pymodule_export]

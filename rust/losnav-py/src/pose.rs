@@ -20,6 +20,7 @@ use crate::dispatch;
 use crate::errors::{BadValue, InvalidInputError, choice_error, option_error};
 use crate::inputs::{Arguments, Problem, Problems, Repeats, Scratch};
 use crate::solution::{Landmarks, PoseSolution, Record};
+use crate::threads::share_out;
 
 /// Problems a thread takes at a time: a multiple of the lanes.
 const CHUNK: usize = 256;
@@ -173,24 +174,6 @@ fn solve_lanes<L: Loss>(
         }
     }
     Ok(records)
-}
-
-/// Does every piece of work, on this thread and the pool's. This thread stays busy: were it to sleep until the pool is
-/// done, the system would wake all of the pool on this one core and take a while to spread them out.
-pub fn share_out<W: Send>(work: impl Iterator<Item = W> + Send, each: impl Fn(W) + Sync) {
-    let queue = Mutex::new(work);
-    let next = || queue.lock().ok().and_then(|mut queue| queue.next());
-    let drain = || {
-        while let Some(work) = next() {
-            each(work);
-        }
-    };
-    rayon::in_place_scope(|scope| {
-        for _ in 1..rayon::current_num_threads() {
-            scope.spawn(|_| drain());
-        }
-        drain();
-    });
 }
 
 fn solve_checked(

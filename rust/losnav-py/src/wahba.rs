@@ -8,7 +8,8 @@ use pyo3::prelude::*;
 use crate::attitude_solution::{AttitudeSolution, Record};
 use crate::dispatch;
 use crate::errors::{BadValue, choice_error};
-use crate::pose::{parse_on_error, share_out};
+use crate::pose::parse_on_error;
+use crate::threads::share_out;
 use crate::wahba_inputs::{Arguments, Problem, Problems, Scratch};
 use crate::wahba_lanes::{ManyAttitudes, OneAttitude};
 

@@ -83,6 +83,18 @@ pub fn skew<T: Real>(v: Vec3<T>) -> Mat3<T> {
     [[o, -v[2], v[1]], [v[2], o, -v[0]], [-v[1], v[0], o]]
 }
 
+/// Two unit vectors across a unit vector and each other (Duff et al., *Building an Orthonormal Basis, Revisited*, 2017).
+#[inline(always)]
+pub fn across<T: Real>(n: Vec3<T>) -> [Vec3<T>; 2] {
+    let sign = T::select(n[2].lt(T::zero()), -T::one(), T::one());
+    let a = -(sign + n[2]).recip();
+    let b = n[0] * n[1] * a;
+    [
+        [(sign * n[0]).mul_add(n[0] * a, T::one()), sign * b, -(sign * n[0])],
+        [b, n[1].mul_add(n[1] * a, sign), -n[1]],
+    ]
+}
+
 /// Lane-wise choice between two vectors.
 #[inline(always)]
 pub fn select<T: Real>(mask: T::Mask, yes: Vec3<T>, no: Vec3<T>) -> Vec3<T> {

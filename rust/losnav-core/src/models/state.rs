@@ -39,8 +39,16 @@ impl<T: Real, const N: usize> State<T, N> for [T; N] {
 
     #[inline(always)]
     fn kinematics(&self, dcm: &Mat3<T>) -> Kinematics<T> {
-        let at = |i: usize| self.get(i).copied().unwrap_or(T::zero());
-        Kinematics { position: [at(0), at(1), at(2)], velocity: [at(3), at(4), at(5)], dcm: *dcm }
+        let (mut position, mut velocity) = ([T::zero(); 3], [T::zero(); 3]);
+        for i in 0..3 {
+            if i < N {
+                position[i] = self[i];
+            }
+            if i + 3 < N {
+                velocity[i] = self[i + 3];
+            }
+        }
+        Kinematics { position, velocity, dcm: *dcm }
     }
 
     #[inline(always)]

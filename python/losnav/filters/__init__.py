@@ -1,0 +1,16 @@
+"""Filters: an estimate that is predicted and corrected, one step at a time or over whole arcs.
+
+* :class:`ExtendedKalmanFilter`: the one to use; its steps, arcs and batches of arcs run in the engine.
+* :class:`Step`: what one update did.
+* :class:`FilterLog`: what an arc left behind; :meth:`FilterLog.smooth` goes back over it.
+
+Follows Carpenter & D'Souza (eds.), *Navigation Filter Best Practices*, NASA/TP-2018-219822.
+"""
+
+from __future__ import annotations
+
+from losnav.filters.extended import ExtendedKalmanFilter
+from losnav.filters.log import FilterLog
+from losnav.filters.step import Step
+
+__all__ = ["ExtendedKalmanFilter", "FilterLog", "Step"]

@@ -1,0 +1,398 @@
+"""The extended Kalman filter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+import losnav.dynamics
+from losnav import _core
+from losnav._arrays import ArrayLike, FloatArray, covariances, finite
+from losnav.consistency.chi_square import chi2_quantile
+from losnav.errors import InvalidInputError
+from losnav.filters import foreign
+from losnav.filters.backward import Journey
+from losnav.filters.log import FilterLog
+from losnav.filters.step import Step
+
+__all__ = ["ExtendedKalmanFilter"]
+
+
+class ExtendedKalmanFilter:
+    """Extended Kalman filter for any dynamics and sensors, built in or the user's own.
+
+    Parameters
+    ----------
+    dynamics : model
+        From :mod:`losnav.dynamics`, or any object with ``propagate(state, dt, control)``,
+        ``transition(state, dt, control)`` and ``process_noise(state, dt)``.
+    state : (N,) or (runs, N)
+        Estimate at ``time``; several to :meth:`run` a batch whose runs start differently.
+    covariance : (N, N) or (runs, N, N)
+        Covariance of its error, true minus estimate; symmetric positive definite.
+    gate : float, optional
+        Editing of measurements by their normalised innovation squared (NIS). Below 1: the probability with
+        which a good measurement passes, 0.9999 say; from 1 on: the bound on the NIS itself. None passes all.
+    relock_after : int, optional
+        After this many rejections of a sensor in a row its next measurement is taken regardless: a filter
+        that has lost its way would reject the truth for ever. None never does.
+    iterations : int
+        Linearisations of a measurement; from 2 on at the state the one before has led to (iterated filter).
+    underweighting : float
+        Lear's ``beta``: measurements are taken to err by ``R + beta H P H'``, for priors so wide that the
+        curvature of the measurement counts. 0.2 is customary.
+    form : {"joseph", "ud"}
+        How the covariance is kept: itself, updated in Joseph's form, or its factors ``U D U'``
+        (Bierman & Thornton), which survive badly scaled problems.
+    consider : sequence of int
+        Components of the state that are uncertain but must not be corrected (Schmidt): biases too weakly
+        observed to be estimated.
+    time : float
+        Epoch of the state, s.
+
+    Raises
+    ------
+    InvalidInputError
+        On wrong shapes, NaN, infinity, a covariance that is not positive definite or impossible options.
+
+    Notes
+    -----
+    A step that fails raises and leaves the filter as it was, bit for bit. Backward steps (``dt < 0``) add
+    process noise too. Angles are wrapped where the sensor has a ``residual(z, predicted)``.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import losnav as ln
+    >>> orbit = ln.dynamics.ClohessyWiltshire(mean_motion=1.04e-3, acceleration_psd=1e-9)
+    >>> camera = ln.sensors.RangeBearing(sigma_range=0.2, sigma_angle=6e-4)
+    >>> ekf = ln.ExtendedKalmanFilter(orbit, [-510.0, 0, 10, 0, 0, 0], np.diag([100.0] * 3 + [2.5e-3] * 3))
+    >>> facing = np.diag([-1.0, 1.0, -1.0]) @ [[-1.0, 0, 0], [0, 1, 0], [0, 0, -1]]  # looks along +x
+    >>> step = ekf.step(60.0, camera, [516.7, -0.019, -0.039], dcm=facing)
+    >>> step.accepted, step.dof
+    (True, 3)
+    >>> ekf.time
+    60.0
+    """
+
+    __slots__ = ("_dynamics", "_engine", "_lead", "_options")
+
+    def __init__(
+        self,
+        dynamics: Any,
+        state: ArrayLike,
+        covariance: ArrayLike,
+        *,
+        gate: float | None = None,
+        relock_after: int | None = 3,
+        iterations: int = 1,
+        underweighting: float = 0.0,
+        form: str = "joseph",
+        consider: Sequence[int] = (),
+        time: float = 0.0,
+    ) -> None:
+        x = finite(state, "state")
+        if x.ndim not in (1, 2) or not x.size:
+            raise InvalidInputError(f"state: expected shape (N,) or (runs, N), got {x.shape}")
+        p = _definite(covariance, x.shape)
+        listed = _is_listed(dynamics)
+        if listed and x.shape[-1] != dynamics.state_size:
+            raise InvalidInputError(
+                f"state: expected {dynamics.state_size} components for {type(dynamics).__name__}, "
+                f"got {x.shape[-1]}"
+            )
+        options: dict[str, Any] = {
+            "gate": _checked_gate(gate),
+            "relock_after": _whole(relock_after, "relock_after", optional=True),
+            "iterations": _whole(iterations, "iterations"),
+            "underweighting": _not_negative(underweighting, "underweighting"),
+            "form": form,
+            "consider": _components(consider, x.shape[-1]),
+        }
+        self._options = options
+        self._dynamics = dynamics
+        self._lead = x.shape[:-1]
+        self._engine = _core.Filter(
+            type(dynamics).__name__ if listed else None,
+            dynamics._parameters() if listed else [],
+            x.shape[-1],
+            form,
+            options["iterations"],
+            options["underweighting"],
+            options["consider"],
+            None if gate is None else _Bound(options["gate"]),
+            float("inf") if relock_after is None else float(relock_after),
+        )
+        self._engine.set(x, p, False)
+        self._engine.time = float(finite(time, "time"))
+
+    @property
+    def dynamics(self) -> Any:
+        """The model."""
+        return self._dynamics
+
+    @property
+    def state(self) -> FloatArray:
+        """Estimate, ``(N,)`` or ``(runs, N)``."""
+        return self._engine.state().reshape((*self._lead, -1))
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance of its error, ``(N, N)`` or ``(runs, N, N)``."""
+        every = self._engine.covariance()
+        return every.reshape((*self._lead, *every.shape[1:]))
+
+    @property
+    def time(self) -> float:
+        """Epoch of the estimate, s."""
+        return self._engine.time
+
+    def predict(self, dt: float, control: ArrayLike | None = None) -> None:
+        """Move the estimate by ``dt``.
+
+        Parameters
+        ----------
+        dt : float
+            Time step, s; negative goes back in time.
+        control : (3,), optional
+            Held over the step: an acceleration, m/s^2, for orbital models.
+
+        Raises
+        ------
+        InvalidInputError
+            On wrong shapes, NaN or infinity.
+        NumericalError
+            If the prediction is not finite; the filter is as it was.
+        """
+        if _is_listed(self._dynamics):
+            self._engine.predict(dt, control)
+        else:
+            foreign.predict(self._engine, self._dynamics, dt, control)
+
+    def update(self, sensor: Any, z: ArrayLike, **context: Any) -> Step:
+        """Take a measurement.
+
+        Parameters
+        ----------
+        sensor : sensor
+            From :mod:`losnav.sensors`, or any object with ``predict(state, **context)``,
+            ``jacobian(state, **context)`` and ``noise(state, **context)``, optionally
+            ``residual(z, predicted)``.
+        z : (M,)
+            Measurement; NaN if there is none.
+        **context
+            What the sensor is told besides the state: ``dcm=`` the known attitude, ``(3, 3)``; ``landmarks=``
+            or ``target=`` in place of the sensor's own; for a user's sensor, whatever it takes.
+
+        Returns
+        -------
+        Step
+            ``innovation`` ``(M,)``, ``innovation_covariance`` ``(M, M)``, ``nis`` with ``dof`` degrees of
+            freedom, ``accepted``, ``gain`` ``(N, M)``.
+
+        Raises
+        ------
+        InvalidInputError
+            On wrong shapes, infinity, a missing attitude.
+        DegenerateGeometryError
+            Where the measurement is undefined at the estimate; the filter is as it was.
+        NumericalError
+            If the result is not finite; the filter is as it was.
+        """
+        step = self._engine.step(None, sensor, z, None, context)
+        return step if step is not None else foreign.update(self._engine, self._options, sensor, z, context)
+
+    def step(
+        self, dt: float, sensor: Any, z: ArrayLike, control: ArrayLike | None = None, **context: Any
+    ) -> Step:
+        """Predict and update in one call: the loop of an embedded filter.
+
+        Parameters
+        ----------
+        dt, control
+            As for :meth:`predict`.
+        sensor, z, **context
+            As for :meth:`update`.
+
+        Returns
+        -------
+        Step
+            As :meth:`update`.
+
+        Raises
+        ------
+        InvalidInputError, DegenerateGeometryError, NumericalError
+            As :meth:`predict` and :meth:`update`; the filter is then as it was before both.
+        """
+        if _is_listed(self._dynamics):
+            step = self._engine.step(dt, sensor, z, control, context)
+            if step is not None:
+                return step
+        return foreign.step(self, dt, sensor, z, control=control, context=context)
+
+    def run(
+        self,
+        times: ArrayLike,
+        measurements: Sequence[tuple[Any, ArrayLike]],
+        controls: ArrayLike | None = None,
+        **context: Any,
+    ) -> FilterLog:
+        """Filter a whole arc, or many at once on all cores.
+
+        Parameters
+        ----------
+        times : (T,)
+            Epochs, s. The step to ``times[0]`` starts at the filter's own time.
+        measurements : sequence of (sensor, z)
+            Each with ``(T, M)`` measurements of one arc or ``(runs, T, M)`` of many; a row with NaN is no
+            measurement. At each epoch they are taken in this order.
+        controls : (3,), (T, 3) or (runs, T, 3), optional
+            ``controls[k]`` acts over the step that ends at ``times[k]``.
+        **context
+            As for :meth:`update`; ``dcm`` may be ``(3, 3)``, ``(T, 3, 3)`` or ``(runs, T, 3, 3)``.
+
+        Returns
+        -------
+        FilterLog
+            States, covariances, innovations; ``.smooth()``.
+
+        Raises
+        ------
+        InvalidInputError
+            On wrong shapes, infinity, rotations that are none, a missing attitude.
+
+        Notes
+        -----
+        The filter ends at the last epoch, as after the same steps one by one. One filter run over many arcs
+        stays where it is: there is no single end. A measurement that cannot be taken (undefined, or the
+        result not finite) is logged as not accepted, and the arc goes on.
+        """
+        pairs = _pairs(measurements)
+        if _is_listed(self._dynamics):
+            record = self._engine.run(times, pairs, controls, context)
+            if record is not None:
+                rows, dof = record.rows, record.dof
+                u = None if controls is None else finite(controls, "controls").copy()
+                return FilterLog(finite(times, "times").copy(), rows, dof, record, Journey(self._dynamics, u))
+        return foreign.run(self, times, pairs, controls, context)
+
+    def copy(self) -> ExtendedKalmanFilter:
+        """An independent filter in the same state."""
+        return ExtendedKalmanFilter._restore(*self._frozen())
+
+    def __copy__(self) -> ExtendedKalmanFilter:
+        return self.copy()
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> ExtendedKalmanFilter:
+        return self.copy()
+
+    def __repr__(self) -> str:
+        shape = self._lead
+        size = self._engine.state().shape[-1]
+        what = f"{size} states" if not shape else f"{shape[0]} runs of {size} states"
+        return f"ExtendedKalmanFilter({self._dynamics!r}, {what}, time={self.time:g} s)"
+
+    def _frozen(self) -> tuple[Any, ...]:
+        engine = self._engine
+        state = engine.state().reshape((*self._lead, -1))
+        return self._dynamics, self._options, self.time, state, engine.stored(), engine.rejections()
+
+    @staticmethod
+    def _restore(  # noqa: PLR0917 - what pickle hands over
+        dynamics: Any,
+        options: dict[str, Any],
+        time: float,
+        state: FloatArray,
+        stored: FloatArray,
+        rejections: list[tuple[Any, float]],
+    ) -> ExtendedKalmanFilter:
+        unit = np.broadcast_to(np.eye(state.shape[-1]), (*state.shape[:-1], *(2 * state.shape[-1:])))
+        ekf = ExtendedKalmanFilter(dynamics, state, unit, **options, time=time)
+        ekf._engine.set(state, stored, True)
+        ekf._engine.set_rejections(rejections)
+        return ekf
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return ExtendedKalmanFilter._restore, self._frozen()
+
+
+class _Bound:
+    """The bound of a gate on the normalised innovation squared, by degrees of freedom."""
+
+    def __init__(self, gate: float) -> None:
+        self.gate = gate
+
+    def __call__(self, dof: int) -> float:
+        return self.gate if self.gate >= 1.0 else float(chi2_quantile(self.gate, dof))
+
+
+def _is_listed(dynamics: Any) -> bool:
+    """Is it exactly one of the engine's own models?  A subclass may have changed anything."""
+    return type(dynamics) in losnav.dynamics.LISTED
+
+
+def _definite(value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
+    size = shape[-1]
+    p = covariances(value, "covariance", size)
+    if p.shape[:-2] not in ((), shape[:-1]):
+        raise InvalidInputError(
+            f"covariance: expected shape {(size, size)} or {(*shape, size)} like the state, got {p.shape}"
+        )
+    scale = np.sqrt(np.diagonal(p, axis1=-2, axis2=-1))
+    if not (scale > 0.0).all():
+        raise InvalidInputError("covariance: expected positive variances on the diagonal")
+    unit = p / (scale[..., :, np.newaxis] * scale[..., np.newaxis, :])
+    try:
+        np.linalg.cholesky(unit)
+    except np.linalg.LinAlgError:
+        raise InvalidInputError("covariance: expected a positive definite matrix") from None
+    return np.ascontiguousarray(np.broadcast_to(p, (*shape, size)))
+
+
+def _checked_gate(gate: Any) -> float | None:
+    if gate is None:
+        return None
+    value = finite(gate, "gate")
+    if value.ndim or value <= 0.0:
+        raise InvalidInputError(
+            f"gate: expected a probability below 1 or a bound on the NIS from 1 on, got {gate!r}"
+        )
+    return float(value)
+
+
+def _whole(value: Any, name: str, optional: bool = False) -> int | None:
+    if value is None and optional:
+        return None
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
+        expected = "an integer >= 1 or None" if optional else "an integer >= 1"
+        raise InvalidInputError(f"{name}: expected {expected}, got {value!r}")
+    return int(value)
+
+
+def _not_negative(value: Any, name: str) -> float:
+    number = finite(value, name)
+    if number.ndim or number < 0.0:
+        raise InvalidInputError(f"{name}: expected a number >= 0, got {value!r}")
+    return float(number)
+
+
+def _components(consider: Sequence[int], size: int) -> list[int]:
+    indices = []
+    for index in consider:
+        if isinstance(index, bool) or not isinstance(index, (int, np.integer)) or not 0 <= index < size:
+            raise InvalidInputError(f"consider: expected indices from 0 to {size - 1}, got {index!r}")
+        indices.append(int(index))
+    return sorted(set(indices))
+
+
+def _pairs(measurements: Any) -> list[tuple[Any, npt.ArrayLike]]:
+    try:
+        pairs = [(sensor, z) for sensor, z in measurements]
+    except (TypeError, ValueError):
+        raise InvalidInputError(
+            f"measurements: expected a sequence of pairs (sensor, z), got {type(measurements).__name__}"
+        ) from None
+    return pairs

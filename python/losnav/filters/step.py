@@ -1,0 +1,53 @@
+"""What one update did."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from losnav._arrays import FloatArray
+from losnav._core import Step
+
+__all__ = ["Step", "linear_update"]
+
+
+def linear_update(  # noqa: PLR0917 - the engine calls it by position
+    sensor: Any,
+    context: dict[str, Any],
+    state: FloatArray,
+    covariance: FloatArray,
+    underweighting: float,
+    consider: Sequence[int],
+) -> tuple[FloatArray, FloatArray]:
+    """Innovation covariance and gain of an update linearised at its prior.
+
+    Parameters
+    ----------
+    sensor, context
+        The sensor, and what it was told.
+    state : (N,)
+        Before the update.
+    covariance : (N, N)
+        Of its error.
+    underweighting : float
+        Lear's factor.
+    consider : sequence of int
+        Components that are not corrected.
+
+    Returns
+    -------
+    innovation_covariance : (M, M)
+        ``S = H P H' + R``.
+    gain : (N, M)
+        ``P H' (S + beta H P H')^-1``, zero for considered components.
+    """
+    h = np.asarray(sensor.jacobian(state, **context), dtype=float)
+    r = np.asarray(sensor.noise(state, **context), dtype=float)
+    spread = h @ covariance @ h.T
+    innovation_covariance = spread + r
+    weighed = innovation_covariance + underweighting * spread
+    gain = np.linalg.solve(weighed, h @ covariance).T
+    gain[list(consider)] = 0.0
+    return innovation_covariance, gain

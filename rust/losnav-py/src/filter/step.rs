@@ -1,0 +1,188 @@
+//! `Step`: what an update did. The innovation covariance and the gain are worked out when asked for.
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::{PyDict, PyTuple};
+
+use crate::convert::{self, Floats};
+
+/// See `losnav.filters.Step`.
+#[pyclass(frozen, module = "losnav._core")]
+pub struct Step {
+    sensor: Py<PyAny>,
+    context: Py<PyDict>,
+    state: Vec<f64>,
+    covariance: Vec<f64>,
+    innovation: Vec<f64>,
+    nis: f64,
+    dof: usize,
+    accepted: bool,
+    underweighting: f64,
+    consider: Vec<usize>,
+    linear: PyOnceLock<(Py<PyAny>, Py<PyAny>)>,
+}
+
+/// What the lazy fields are made of.
+pub struct Parts {
+    pub sensor: Py<PyAny>,
+    pub context: Py<PyDict>,
+    pub state: Vec<f64>,
+    pub covariance: Vec<f64>,
+    pub innovation: Vec<f64>,
+    pub nis: f64,
+    pub dof: usize,
+    pub accepted: bool,
+    pub underweighting: f64,
+    pub consider: Vec<usize>,
+}
+
+impl From<Parts> for Step {
+    fn from(p: Parts) -> Self {
+        Self {
+            sensor: p.sensor,
+            context: p.context,
+            state: p.state,
+            covariance: p.covariance,
+            innovation: p.innovation,
+            nis: p.nis,
+            dof: p.dof,
+            accepted: p.accepted,
+            underweighting: p.underweighting,
+            consider: p.consider,
+            linear: PyOnceLock::new(),
+        }
+    }
+}
+
+impl Step {
+    fn array<'py>(&self, py: Python<'py>, shape: &[usize], data: &[f64]) -> PyResult<Bound<'py, PyAny>> {
+        convert::array(py, shape, data.to_vec())
+    }
+
+    /// `(S, K)` of the linear update at the prior, by `losnav.filters.step.linear_update`.
+    fn linear(&self, py: Python<'_>) -> PyResult<&(Py<PyAny>, Py<PyAny>)> {
+        self.linear.get_or_try_init(py, || {
+            let function = py.import("losnav.filters.step")?.getattr("linear_update")?;
+            let n = self.state.len();
+            let arguments = (
+                self.sensor.bind(py),
+                self.context.bind(py),
+                self.array(py, &[n], &self.state)?,
+                self.array(py, &[n, n], &self.covariance)?,
+                self.underweighting,
+                self.consider.clone(),
+            );
+            function.call1(arguments)?.extract()
+        })
+    }
+}
+
+#[pymethods]
+impl Step {
+    #[new]
+    #[pyo3(signature = (sensor, context, state, covariance, innovation, nis, dof, accepted, underweighting, consider, /))]
+    fn new(
+        sensor: Py<PyAny>,
+        context: Py<PyDict>,
+        state: &Bound<'_, PyAny>,
+        covariance: &Bound<'_, PyAny>,
+        innovation: &Bound<'_, PyAny>,
+        nis: f64,
+        dof: usize,
+        accepted: bool,
+        underweighting: f64,
+        consider: Vec<usize>,
+    ) -> PyResult<Self> {
+        let numbers = |value, name| Ok::<_, PyErr>(Floats::new(value, name)?.data().to_vec());
+        Ok(Parts {
+            sensor,
+            context,
+            state: numbers(state, "state")?,
+            covariance: numbers(covariance, "covariance")?,
+            innovation: numbers(innovation, "innovation")?,
+            nis,
+            dof,
+            accepted,
+            underweighting,
+            consider,
+        }
+        .into())
+    }
+
+    /// `(M,)`.
+    #[getter]
+    fn innovation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.array(py, &[self.innovation.len()], &self.innovation)
+    }
+
+    /// `(M, M)`.
+    #[getter]
+    fn innovation_covariance(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+        Ok(self.linear(py)?.0.clone_ref(py))
+    }
+
+    /// `(N, M)`.
+    #[getter]
+    fn gain(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+        Ok(self.linear(py)?.1.clone_ref(py))
+    }
+
+    /// Normalised innovation squared.
+    #[getter]
+    fn nis(&self) -> f64 {
+        self.nis
+    }
+
+    /// Degrees of freedom of `nis`.
+    #[getter]
+    fn dof(&self) -> usize {
+        self.dof
+    }
+
+    /// Was the measurement used?
+    #[getter]
+    fn accepted(&self) -> bool {
+        self.accepted
+    }
+
+    /// State before the measurement, `(N,)`.
+    #[getter]
+    fn prior_state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.array(py, &[self.state.len()], &self.state)
+    }
+
+    /// Covariance before the measurement, `(N, N)`.
+    #[getter]
+    fn prior_covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let n = self.state.len();
+        self.array(py, &[n, n], &self.covariance)
+    }
+
+    fn __repr__(&self) -> String {
+        let (nis, dof) = (self.nis, self.dof);
+        let verdict = if self.accepted {
+            "accepted"
+        } else if nis.is_nan() {
+            "no measurement"
+        } else {
+            "rejected"
+        };
+        format!("Step({verdict}, nis={nis:.4} with {dof} degrees of freedom)")
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let n = self.state.len();
+        let arguments = (
+            self.sensor.bind(py),
+            self.context.bind(py),
+            self.array(py, &[n], &self.state)?,
+            self.array(py, &[n, n], &self.covariance)?,
+            self.array(py, &[self.innovation.len()], &self.innovation)?,
+            self.nis,
+            self.dof,
+            self.accepted,
+            self.underweighting,
+            self.consider.clone(),
+        );
+        Ok((py.get_type::<Self>().into_any(), arguments.into_pyobject(py)?))
+    }
+}
