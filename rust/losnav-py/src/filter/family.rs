@@ -1,7 +1,7 @@
 //! What of the core comes in every width: a covariance form and a dynamics model, for any lanes.
 use losnav_core::estimators::kalman::{Covariance, Joseph, Matrix, Ud};
 use losnav_core::math::real::Real;
-use losnav_core::models::dynamics::{ClohessyWiltshire, DynamicsModel};
+use losnav_core::models::dynamics::{ClohessyWiltshire, DynamicsModel, TwoBody};
 
 /// A covariance form, for any scalar and size.
 pub trait Form: Send + Sync + 'static {
