@@ -102,7 +102,7 @@ FRAMES = [STARS] * 3, [CATALOGUE] * 3
         ),
         (
             lambda: ST.fused_covariance([np.diag([1.0, 1, 0])] * 2, [np.eye(3)] * 2),
-            r"covariances\[0\]: expected a positive definite matrix.*equation 14",
+            r"covariances\[0\]: expected a positive definite matrix.*two stars",
         ),
         (lambda: ST.mounting_bias([COVARIANCE], [np.eye(3)], [0, 0, 1]), r"errors: expected shape"),
         (lambda: ST.separation_sweep([COVARIANCE] * 3, 2.2), r"angles: expected 0\.00 to 120\.00 deg"),

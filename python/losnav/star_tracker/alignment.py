@@ -4,15 +4,15 @@ The angle between a star in head 1 and a star in head 2 does not depend on the a
 which both see stars tells how the heads are mounted. All frames together, with an attitude ``A_k`` of its
 own for each:
 
-    min sum_k sum_n sum_i e' W e,     e = exp(-[mu_n x]) S_n b_kni - exp(-[xi_k x]) A_k r_kni         (C1)
+    min sum_k sum_n sum_i e' W e,     e = exp(-[mu_n x]) S_n b_kni - exp(-[xi_k x]) A_k r_kni         (T8)
 
 To first order ``e = e0 - [p x] (xi_k - mu_n)``, ``p = A_k r``. With ``H_kn = sum_i [p x]' W [p x]``,
 ``g_kn = sum_i [p x]' W e0``, ``T_k = sum_n H_kn`` the attitudes drop out:
 
-    M_nm = sum_k (delta_nm H_kn - H_kn T_k^-1 H_km),   M mu = sum_k (H_kn T_k^-1 sum_m g_km - g_kn)   (C2)
+    M_nm = sum_k (delta_nm H_kn - H_kn T_k^-1 H_km),   M mu = sum_k (H_kn T_k^-1 sum_m g_km - g_kn)   (T9)
 
 1. Attitude of every frame with the mountings as they are (frames that have none are left out).
-2. (C2); turn mountings and attitudes; again until the step is rounding.
+2. (T9); turn mountings and attitudes; again until the step is rounding.
 3. Covariance of all mountings ``M^-1``: what M does not know is said, not invented.
 
 ``mu`` is in fusion axes, true minus estimate: the true mounting is ``exp(-[mu x])`` times the estimated one.
@@ -125,7 +125,7 @@ class Alignment:
         count = 3 * (len(self.given) - 1)
         return (
             f"Alignment({len(self.given)} heads, {int(self.frames.sum())} of {len(self.frames)} frames, rank "
-            f"{self.rank} of {count}, chi2={self.chi2:.4g} for {self.dof} dof, converged={self.converged})"
+            f"{self.rank} of {count}, chi2={self.chi2:.6g} for {self.dof} dof, converged={self.converged})"
         )
 
     def __str__(self) -> str:
@@ -148,7 +148,7 @@ def align_heads(
     reference: int = 0,
     prior: bool = False,
 ) -> Alignment:
-    """Mountings of the heads relative to one of them, from identified stars of many frames (C1, C2).
+    """Mountings of the heads relative to one of them, from identified stars of many frames (T8, T9).
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """From a catalogue to the directions an observer sees: proper motion, parallax, aberration.
 
-    b(t)  = u0 + (t + r'u0 / c) (p mu_ra* + q mu_dec + u0 v_r plx / AU) - plx r / AU                  (D1)
+    b(t)  = u0 + (t + r'u0 / c) (p mu_ra* + q mu_dec + u0 v_r plx / AU) - plx r / AU                  (T10)
     u(t)  = b / |b|                                                     astrometric direction
-    u'    = [ u / g + (1 + g/(1 + g) v'u / c) v / c ] / (1 + v'u / c),   g = 1/sqrt(1 - v'v/c^2)      (D2)
+    u'    = [ u / g + (1 + g/(1 + g) v'u / c) v / c ] / (1 + v'u / c),   g = 1/sqrt(1 - v'v/c^2)      (T11)
 
 ``p``, ``q`` east and north at the star, ``r`` and ``v`` position and velocity of the observer relative to the
 solar system's barycentre. ``r'u0 / c`` is the light's time of travel across the orbit.
@@ -44,7 +44,7 @@ JULIAN_YEAR = 31_557_600.0
 
 
 def aberrate(directions: ArrayLike, velocity: ArrayLike) -> FloatArray:
-    """Apparent directions for a moving observer: relativistic stellar aberration (D2).
+    """Apparent directions for a moving observer: relativistic stellar aberration (T11).
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def catalogue_directions(
     observer: ArrayLike | None = None,
     velocity: ArrayLike | None = None,
 ) -> FloatArray:
-    """Directions of catalogue stars at a date, seen by an observer who moves (D1, D2).
+    """Directions of catalogue stars at a date, seen by an observer who moves (T10, T11).
 
     Parameters
     ----------

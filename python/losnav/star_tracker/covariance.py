@@ -1,11 +1,11 @@
 """How well several heads know one attitude: information adds, in the axes of the fusion frame.
 
-    F = sum_n S_n [ sum_i (1/sigma_ni^2) (I - b_ni b_ni') ] S_n'                     (14)
-    P = ( sum_n S_n P_n^-1 S_n' )^-1,     P_n covariance of head n in its own axes   (17)
+    F = sum_n S_n [ sum_i (1/sigma_ni^2) (I - b_ni b_ni') ] S_n'                     (X14)
+    P = ( sum_n S_n P_n^-1 S_n' )^-1,     P_n covariance of head n in its own axes   (X17)
 
 ``S_n`` (``mountings``) takes head axes to fusion axes. Both are covariances of the small rotation
-``dalpha`` in fusion axes, rad. (17) needs every head to have an attitude of its own; a head that sees one
-star has none, but informs about two axes all the same: (14) counts it.
+``dalpha`` in fusion axes, rad. (X17) needs every head to have an attitude of its own; a head that sees one
+star has none, but informs about two axes all the same: (X14) counts it.
 
 Sources: Shuster & Oh, J. Guidance and Control 4 (1981); Xiong, Wu & Cheng, J. Chinese Inertial Technology 24
 (2016). Leaves out: noise that is not isotropic about its line of sight (for that see
@@ -39,7 +39,7 @@ SMALLEST, LARGEST = 1e-50, 1e50
 
 
 def star_information(body_vectors: ArrayLike, sigma: ArrayLike = 1.0) -> FloatArray:
-    """Information of one head's stars about its attitude, ``sum (1/sigma^2) (I - b b')`` (equation 14).
+    """Information of one head's stars about its attitude, ``sum (1/sigma^2) (I - b b')`` (equation X14).
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def star_information(body_vectors: ArrayLike, sigma: ArrayLike = 1.0) -> FloatAr
 
 
 def fused_information(informations: ArrayLike, mountings: ArrayLike) -> FloatArray:
-    """Information of all heads in fusion axes, ``sum S_n F_n S_n'`` (equations 14, 17).
+    """Information of all heads in fusion axes, ``sum S_n F_n S_n'`` (equations X14, X17).
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def fused_information(informations: ArrayLike, mountings: ArrayLike) -> FloatArr
 
 
 def fused_covariance(covariances: ArrayLike, mountings: ArrayLike) -> FloatArray:
-    """Covariance of the fused attitude from those of the heads, ``(sum S_n P_n^-1 S_n')^-1`` (equation 17).
+    """Covariance of the fused attitude from those of the heads, ``(sum S_n P_n^-1 S_n')^-1`` (equation X17).
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def fused_covariance(covariances: ArrayLike, mountings: ArrayLike) -> FloatArray
 def fused_covariance_from_stars(
     mountings: ArrayLike, body_vectors: Sequence[ArrayLike], sigmas: ArrayLike | Sequence[ArrayLike] = 1.0
 ) -> FloatArray:
-    """Covariance of the fused attitude from the stars themselves (equation 14): heads may see 0 or 1.
+    """Covariance of the fused attitude from the stars themselves (equation X14): heads may see 0 or 1.
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ def inverse_covariances(value: ArrayLike, name: str) -> FloatArray:
         index = [int(i) for i in np.argwhere(singular)[0]]
         raise InvalidInputError(
             f"{name}{index or ''}: expected a positive definite matrix, got a singular one; "
-            "a head with fewer than two stars has no covariance: use the stars themselves (equation 14)"
+            "a head with fewer than two stars has no covariance: use the stars themselves"
         )
     return inverse
 

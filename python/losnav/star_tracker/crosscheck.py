@@ -5,7 +5,8 @@
 2. Fuse: ``A`` with ``sum R_n^-1 xi_n = 0``, ``xi_n`` the rotation from ``A`` to ``S_n A_n``;
    ``P = (sum R_n^-1)^-1``, ``chi2 = sum xi_n' R_n^-1 xi_n``.
 3. Compare each head with the fusion of the others: ``chi2_n = d' (R_n + P_others)^-1 d`` has 3 degrees of
-   freedom if all are right. Beyond the quantile of ``1 - false_alarm / heads`` there is a contradiction.
+   freedom if all are right (T13). Beyond the quantile of ``1 - false_alarm / heads`` there is a
+   contradiction.
 4. Find the smallest set of heads without which the rest agree (``chi2`` within the quantile of
    ``1 - false_alarm``). If there is one such set, its heads are wrong, and named. If there are several, the
    geometry cannot tell them apart: all their heads are suspects.
@@ -14,7 +15,7 @@
 That a contradiction is seen and the wrong head cleared of it is no likelier than ``false_alarm``. Three
 narrow orthogonal heads often leave two: the axis in dispute is known to these two, and to the third only
 about its boresight, too badly to judge. For covariances that are right, step 2 gives what image-level
-fusion gives (equation 17) wherever every head sees at least two stars; a head with one star can only take
+fusion gives (equation X17) wherever every head sees at least two stars; a head with one star can only take
 part in :func:`fuse`.
 """
 

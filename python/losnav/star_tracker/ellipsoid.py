@@ -2,7 +2,7 @@
 
     half-width of the projection on u   w(u) = sqrt(u' P u)            (support function; 1-sigma about u)
     intercept along u                   r(u) = 1 / sqrt(u' P^-1 u)     (radius; 1-sigma, all else known)
-    fused radius                        1 / r^2 = sum_n 1 / r_n^2      (equations 21, 22)
+    fused radius                        1 / r^2 = sum_n 1 / r_n^2      (equations X21, X22)
     intersection of the heads'          r = min_n r_n
 
 so that along every direction ``intersection / sqrt(N) <= fused <= intersection``: the fused ellipsoid lies

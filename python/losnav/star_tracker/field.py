@@ -1,6 +1,6 @@
-"""What stars spread evenly over a detector give a head (section 3).
+"""What stars spread evenly over a detector give a head.
 
-    P = (sigma^2 / N) diag(1, 1, k^2) / E[1 - bx^2],   k = sqrt( E[1 - bx^2] / E[bx^2 + by^2] )
+    P = (sigma^2 / N) diag(1, 1, k^2) / E[1 - bx^2],   k = sqrt( E[1 - bx^2] / E[bx^2 + by^2] )    (T12)
 
 ``k`` is 14.0, 8.8, 7.0 and 5.8 for square fields of 10, 16, 20 and 24 degrees: the rotation about the
 boresight is the weak axis of every narrow field, and the reason for having more than one head.
@@ -58,7 +58,7 @@ def boresight_ratio(fov: float, shape: Shape = "square") -> float:
 def head_covariance(
     fov: float, stars: int, noise: float | StarNoise = 1.0, *, shape: Shape = "square"
 ) -> FloatArray:
-    """Attitude covariance of one head whose stars are spread evenly over its detector (section 3).
+    """Attitude covariance of one head whose stars are spread evenly over its detector.
 
     The inverse of the mean information: what a typical star field gives, a little optimistic for fewer than
     five stars, whose information varies from field to field.

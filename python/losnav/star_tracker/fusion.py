@@ -1,6 +1,6 @@
 """Image-level fusion: the stars of all heads turned into fusion axes, one attitude problem.
 
-    J(A) = 1/2 sum_n sum_i |S_n b_ni - A r_ni|^2 / sigma_ni^2                              (equation 1)
+    J(A) = 1/2 sum_n sum_i |S_n b_ni - A r_ni|^2 / sigma_ni^2                              (equation X1)
 
 Two stars in all suffice, from whatever heads: 1 + 1 + 1 or 1 + 1 + 0 are as good as 2 in one. Where every
 head has an attitude of its own the result is that of :func:`fuse_attitudes`; image-level fusion wins with
@@ -9,14 +9,13 @@ fewer stars.
 Noise that is not the same in all directions across a star (:class:`PixelNoise`, an uncertain catalogue) is no
 Wahba problem. Then Wahba's answer is the start of
 
-    min sum (S b - A r)' W (S b - A r),   W the inverse of the star's covariance on its tangent plane
-    (W1)
+    min sum (S b - A r)' W (S b - A r),   W inverse of the star's covariance across it     (T7)
 
 1. ``p = A r``, ``e = S b - p``, ``H = sum [p x]' W [p x]``, ``xi = H^-1 sum [p x]' W e``.
 2. ``A <- exp(-[xi x]) A``; again until the step is rounding (three times).
 3. Covariance ``H^-1``, chi2 the sum itself.
 
-In a 20-degree field this changes the covariance by 4-5 %, in a 60-degree field by a third; the attitude
+In a 20-degree field this changes the covariance by 3 %, in a 60-degree field by a quarter; the attitude
 hardly.
 """
 
@@ -240,7 +239,7 @@ def _joined(arrays: list[FloatArray], name: str, core: int = 2) -> FloatArray:
 def _refined(
     body: FloatArray, reference: FloatArray, spread: FloatArray, start: AttitudeSolution
 ) -> AttitudeSolution:
-    """Gauss-Newton on (W1) from Wahba's answer; problems it could not solve stay as they are."""
+    """Gauss-Newton on (T7) from Wahba's answer; problems it could not solve stay as they are."""
     body, weight = unit(body), tangent_weights(body, spread)
     known = np.asarray(start.rank) == 3
     dcm, target = np.asarray(start.dcm), unit(reference)
@@ -268,7 +267,7 @@ def _refined(
 def _normal(
     body: FloatArray, reference: FloatArray, weight: FloatArray, dcm: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Information, slope and chi2 of (W1)."""
+    """Information, slope and chi2 of (T7)."""
     predicted = np.einsum("...ij,...nj->...ni", dcm, reference)
     residual = body - predicted
     rows = cross_matrices(predicted)

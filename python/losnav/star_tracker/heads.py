@@ -142,7 +142,7 @@ class Head:
         Returns
         -------
         (..., 3, 3)
-            Head axes, 1/rad^2; equation (14) for :class:`QuestNoise`.
+            Head axes, 1/rad^2; equation (X14) for :class:`QuestNoise`.
 
         Raises
         ------

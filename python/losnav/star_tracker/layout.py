@@ -2,12 +2,12 @@
 
 For axisymmetric heads ``P_n = s_n^2 diag(1, 1, k_n^2)``, ``w_n = 1/s_n^2``, ``c_n = 1 - 1/k_n^2``:
 
-    F = sum_n w_n (I - c_n z_n z_n')                                                      (L1)
+    F = sum_n w_n (I - c_n z_n z_n')                                                      (T5)
 
 ``tr F`` does not depend on the boresights ``z_n``. Trace, determinant and largest eigenvalue of ``P =
 F^-1`` are Schur-convex in the spectrum of ``F``: the more even, the better, and none can beat
 
-    tr P >= 9 / tr F,   det P >= (3 / tr F)^3,   lambda_max(P) >= 3 / tr F                (L2)
+    tr P >= 9 / tr F,   det P >= (3 / tr F)^3,   lambda_max(P) >= 3 / tr F                (T6)
 
 For equal heads the bound is reached where ``sum z z' = (N/3) I``, a tight frame: right angles for two and
 three heads (two cannot reach it), and for any ``N >= 3`` heads evenly around a cone of half-angle
@@ -55,7 +55,7 @@ class Layout:
     value : float
         Of the criterion.
     bound : float
-        What no layout of these heads can beat (L2).
+        What no layout of these heads can beat (T6).
     clearance : (N,)
         Angle from each boresight to the nearest edge of an excluded cone, rad; infinite without cones.
     """
@@ -240,7 +240,7 @@ def _cones(exclusions: Sequence[tuple[ArrayLike, float]]) -> tuple[FloatArray, F
 
 
 def _information(z: FloatArray, part: FloatArray) -> FloatArray:
-    """(L1) over the sum of the weights."""
+    """(T5) over the sum of the weights."""
     return np.asarray(np.eye(3) - np.einsum("n,...ni,...nj->...ij", part, z, z))
 
 

@@ -1,9 +1,9 @@
-"""What a wrong or uncertain mounting does to the fused attitude: equations (14) and (17) assume perfect ones.
+"""What a wrong or uncertain mounting does to the fused attitude: (X14) and (X17) assume perfect ones.
 
 Let the true mounting be ``exp(-[mu_n x]) S_n``; then
 
-    bias = P sum_n S_n P_n^-1 S_n' mu_n                                              (M1)
-    P_total = P + sum_n G_n C_n G_n',     G_n = P S_n P_n^-1 S_n'                    (M2)
+    bias = P sum_n S_n P_n^-1 S_n' mu_n                                              (T1)
+    P_total = P + sum_n G_n C_n G_n',     G_n = P S_n P_n^-1 S_n'                    (T2)
 
 for ``mu_n`` of covariance ``C_n``. Five arcseconds of one of three orthogonal heads across its boresight turn
 the answer by 2.5", about its boresight by 0.05". Fusion does not remove them; :func:`align_heads` estimates
@@ -31,7 +31,7 @@ __all__ = ["consider_covariance", "mounting_bias", "mounting_sensitivity"]
 
 
 def mounting_sensitivity(covariances: ArrayLike, mountings: ArrayLike) -> FloatArray:
-    """How much of each head's mounting error goes into the fused attitude: ``G_n = P S_n P_n^-1 S_n'`` (M1).
+    """How much of each head's mounting error goes into the fused attitude: ``G_n = P S_n P_n^-1 S_n'`` (T1).
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def mounting_sensitivity(covariances: ArrayLike, mountings: ArrayLike) -> FloatA
 
 
 def mounting_bias(covariances: ArrayLike, mountings: ArrayLike, errors: ArrayLike) -> FloatArray:
-    """Attitude error caused by mounting errors: ``sum_n G_n mu_n`` (M1).
+    """Attitude error caused by mounting errors: ``sum_n G_n mu_n`` (T1).
 
     Parameters
     ----------
@@ -104,9 +104,9 @@ def mounting_bias(covariances: ArrayLike, mountings: ArrayLike, errors: ArrayLik
 def consider_covariance(
     covariances: ArrayLike, mountings: ArrayLike, mounting_covariances: ArrayLike
 ) -> FloatArray:
-    """Covariance of the fused attitude when the mountings are uncertain and their errors ignored (M2).
+    """Covariance of the fused attitude when the mountings are uncertain and their errors ignored (T2).
 
-    The weights are those of (17), which know nothing of the mountings. Weights that do:
+    The weights are those of (X17), which know nothing of the mountings. Weights that do:
     :func:`fuse_attitudes` with heads that carry a ``mounting_covariance``.
 
     Parameters

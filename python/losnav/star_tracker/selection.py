@@ -1,6 +1,6 @@
 """Which m of n stars to keep: the subset whose fused covariance is smallest.
 
-    F(subset) = F0 + sum_{i in subset} (1/sigma_i^2) (I - b_i b_i')        (14), F0 what is known already
+    F(subset) = F0 + sum_{i in subset} (1/sigma_i^2) (I - b_i b_i')        (X14), F0 what is known already
 
 ``criterion``: "trace" (A-optimal, the mean variance), "determinant" (D-optimal, the ellipsoid's volume),
 "worst" (E-optimal, the weakest axis).

@@ -4,8 +4,8 @@
    The Wahba loss with weights ``1/sigma^2`` is its negative log-likelihood.
 2. :class:`PixelNoise`, white noise of the centroids on a flat detector, ``s^2 J J'`` with
    ``J = (I - b b') [e1 e2] b3``: off the axis a pixel subtends less, so a star at 30 degrees is up to 25 %
-   better than model 1 says. In a 20-degree field model 1 is 4-5 % pessimistic in variance, in a 60-degree
-   field much more (Cheng, Crassidis & Markley 2006 treat wide fields for the same reason).
+   better than model 1 says. In a 20-degree field model 1 is a few per cent pessimistic in variance, in a
+   60-degree field by a quarter (Cheng, Crassidis & Markley 2006 treat wide fields for the same reason).
 
 Leaves out: noise that grows towards the edge (blur, distortion) and correlation between stars.
 """

@@ -1,4 +1,4 @@
-"""Accuracy against the angle between the heads (section 5): the figures a tracker is laid out by.
+"""Accuracy against the angle between the heads: the figures a tracker is laid out by.
 
 Head 1 looks along fusion z. ``t`` is the angle that is swept.
 
@@ -9,8 +9,8 @@ asymmetric  ``z1`` and ``z2`` a fixed angle apart (43 degrees), ``z2`` towards x
 
 For identical axisymmetric heads ``s^2 diag(1, 1, k^2)``, ``c = 1 - 1/k^2``, in the axes of head 1:
 
-    sigma_z^2/s^2 = (1 + 2 cos t)/3 / (3 - c (1 + 2 cos t)) + (2 - 2 cos t)/3 / (3 - c (1 - cos t))    (S1)
-    at 90 degrees  sigma_x = sigma_y = sigma_z = s / sqrt(2 + 1/k^2)                                   (S2)
+    sigma_z^2/s^2 = (1 + 2 cos t)/3 / (3 - c (1 + 2 cos t)) + (2 - 2 cos t)/3 / (3 - c (1 - cos t))    (T3)
+    at 90 degrees  sigma_x = sigma_y = sigma_z = s / sqrt(2 + 1/k^2)                                   (T4)
 """
 
 from __future__ import annotations
@@ -178,7 +178,7 @@ def separation_sweep(
     separation: float = SEPARATION,
     frame: Frame = 0,
 ) -> SeparationSweep:
-    """Fused covariance (17) over the angle between the heads, in the geometries of section 5.
+    """Fused covariance (X17) over the angle between the heads, in one of two geometries.
 
     Parameters
     ----------
