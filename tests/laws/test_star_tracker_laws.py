@@ -295,5 +295,10 @@ def test_one_star_in_each_head_is_enough():
     assert sigmas(three).round(1).tolist() == [5.0, 5.0, 5.0]
     two = ln.star_tracker.fused_covariance_from_stars(ORTHOGONAL, [star, star, np.empty((0, 3))], 7.03)
     assert np.sort(sigmas(two)).round(1).tolist() == [5.0, 7.0, 7.0]
+    one_blind = [np.array([star, star]), np.array([star, [[0, 0, -1]]]), np.empty((2, 0, 3))]
+    one_blind[1][1] = ORTHOGONAL[1].T @ ORTHOGONAL[0] @ star[0]
+    batch = ln.star_tracker.fused_covariance_from_stars(ORTHOGONAL, one_blind, 7.03, on_error="nan")
+    assert np.abs(batch[0] - two).max() < ROUNDING * two.max()
+    assert np.isnan(batch[1]).all()
     with pytest.raises(ln.UnobservableError, match=r"rotation about fusion axis \[.*1\.000\] is free"):
         ln.star_tracker.fused_covariance_from_stars(ORTHOGONAL, [star, *[np.empty((0, 3))] * 2], 7.03)

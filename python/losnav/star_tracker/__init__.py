@@ -16,7 +16,8 @@ from losnav.star_tracker.covariance import (
     fused_information,
     star_information,
 )
-from losnav.star_tracker.crosscheck import detection_power, fuse_attitudes
+from losnav.star_tracker.crosscheck import fuse_attitudes
+from losnav.star_tracker.detection import detection_power
 from losnav.star_tracker.ellipsoid import (
     ellipsoid_points,
     half_width,

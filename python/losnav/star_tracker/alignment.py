@@ -39,10 +39,9 @@ from losnav.consistency import chi2_sf
 from losnav.errors import InvalidInputError
 from losnav.star_tracker._rotation import cross_matrices, rotation_matrices, unit
 from losnav.star_tracker.covariance import per_head, symmetric
-from losnav.star_tracker.crosscheck import checked_heads
 from losnav.star_tracker.field import whole
 from losnav.star_tracker.fusion import star_covariance, star_sigma, stars_of
-from losnav.star_tracker.heads import Head
+from losnav.star_tracker.heads import Head, checked_heads
 from losnav.star_tracker.star_noise import tangent_weights
 
 __all__ = ["Alignment", "align_heads"]

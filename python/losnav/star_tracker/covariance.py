@@ -16,7 +16,7 @@ of second order in the noise.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -159,7 +159,11 @@ def fused_covariance(covariances: ArrayLike, mountings: ArrayLike) -> FloatArray
 
 
 def fused_covariance_from_stars(
-    mountings: ArrayLike, body_vectors: Sequence[ArrayLike], sigmas: ArrayLike | Sequence[ArrayLike] = 1.0
+    mountings: ArrayLike,
+    body_vectors: Sequence[ArrayLike],
+    sigmas: ArrayLike | Sequence[ArrayLike] = 1.0,
+    *,
+    on_error: Literal["raise", "nan"] = "raise",
 ) -> FloatArray:
     """Covariance of the fused attitude from the stars themselves (equation X14): heads may see 0 or 1.
 
@@ -171,6 +175,8 @@ def fused_covariance_from_stars(
         Unit vectors of each head in its own axes.
     sigmas : scalar, or sequence of N scalars or arrays (N_n,)
         1-sigma noise per axis, rad.
+    on_error : {"raise", "nan"}
+        What a problem of a batch does whose stars leave a rotation free.
 
     Returns
     -------
@@ -209,7 +215,7 @@ def fused_covariance_from_stars(
     except ValueError as error:
         shapes = ", ".join(str(f.shape[:-2]) for f in informations)
         raise InvalidInputError(f"body_vectors: leading dimensions do not broadcast: {shapes}") from error
-    return inverse_information(fused_information(stacked, mountings))
+    return inverse_information(fused_information(stacked, mountings), on_error)
 
 
 def symmetric(matrix: FloatArray) -> FloatArray:
@@ -230,9 +236,14 @@ def inverse_covariances(value: ArrayLike, name: str) -> FloatArray:
     return inverse
 
 
-def inverse_information(information: FloatArray) -> FloatArray:
+def inverse_information(information: FloatArray, on_error: str = "raise") -> FloatArray:
     """Covariance of an information matrix; says what is free where there is none."""
+    if on_error not in ("raise", "nan"):
+        raise InvalidInputError(f'on_error: expected "raise" or "nan", got {on_error!r}')
     inverse, singular = _inverse(information)
+    if on_error == "nan":
+        inverse[singular] = np.nan
+        return inverse
     if singular.any():
         index = tuple(int(i) for i in np.argwhere(singular)[0])
         _, axes = np.linalg.eigh(information[index])

@@ -34,8 +34,7 @@ from losnav.attitude_determination import AttitudeSolution, solve_attitude
 from losnav.errors import InvalidInputError
 from losnav.star_tracker._rotation import cross_matrices, rotation_matrices, unit
 from losnav.star_tracker.covariance import in_scale, per_head
-from losnav.star_tracker.crosscheck import checked_heads
-from losnav.star_tracker.heads import Head
+from losnav.star_tracker.heads import Head, checked_heads
 from losnav.star_tracker.star_noise import QuestNoise, tangent_weights
 
 __all__ = ["fuse"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -264,6 +265,26 @@ class Head:
         white = np.random.default_rng(rng).standard_normal(true.shape)
         root = axes * np.sqrt(np.maximum(values, 0.0))[..., np.newaxis, :]
         return unit(true + np.einsum("...ij,...j->...i", root, white))
+
+
+def checked_heads(heads: Sequence[Head]) -> list[Head]:
+    """At least one head; bare mountings are welcome."""
+    try:
+        entries = list(heads)
+    except TypeError as error:
+        raise InvalidInputError(f"heads: expected a sequence of Head, got {type(heads).__name__}") from error
+    if not entries:
+        raise InvalidInputError("heads: expected at least one Head, got none")
+    mounted = []
+    for n, entry in enumerate(entries):
+        if isinstance(entry, Head):
+            mounted.append(entry)
+            continue
+        try:
+            mounted.append(Head(entry))
+        except InvalidInputError as error:
+            raise InvalidInputError(f"heads[{n}]: expected a Head or its mounting; {error}") from error
+    return mounted
 
 
 def _frozen(array: FloatArray) -> FloatArray:

@@ -19,8 +19,7 @@ from losnav._arrays import covariances as checked_covariances
 from losnav.errors import InvalidInputError
 from losnav.star_tracker._rotation import rotation_matrices, unit
 from losnav.star_tracker.covariance import per_head, renamed
-from losnav.star_tracker.crosscheck import checked_heads
-from losnav.star_tracker.heads import Head
+from losnav.star_tracker.heads import Head, checked_heads
 
 __all__ = ["epoch_covariance", "to_epoch"]
 
