@@ -278,6 +278,23 @@ def test_uncertain_mountings_add_to_the_covariance():
     assert np.abs(total - expected).max() < SAME_FORMULA * expected.max()
 
 
+@given(trackers(), sts.SEEDS)
+def test_uncertain_mountings_of_any_tracker(tracker, seed):
+    """(T2) by sigma points: the outer products of (T1) for the columns of the roots of all C_n."""
+    covariances, mountings = tracker
+    roots = ARCSEC * np.random.default_rng(seed).standard_normal((len(mountings), 3, 3))
+    expected = ln.star_tracker.fused_covariance(covariances, mountings)
+    for n, root in enumerate(roots):
+        for column in root.T:
+            errors = np.zeros((len(mountings), 3))
+            errors[n] = column
+            bias = ln.star_tracker.mounting_bias(covariances, mountings, errors)
+            expected = expected + np.outer(bias, bias)
+    spread = roots @ roots.transpose(0, 2, 1)
+    total = ln.star_tracker.consider_covariance(covariances, mountings, spread)
+    assert np.abs(total - expected).max() < SAME_COVARIANCE * np.abs(expected).max()
+
+
 def test_gains_of_the_claims():
     """Cross-axis gain of three orthogonal heads: 29.3 % to 30.4 %; about the boresight a factor 9.95."""
     for k, across in ((7.0, 29.65), (5.0, 30.0), (4.0, 30.4), (1e6, 29.3)):

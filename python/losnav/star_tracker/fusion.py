@@ -2,7 +2,7 @@
 
     J(A) = 1/2 sum_n sum_i |S_n b_ni - A r_ni|^2 / sigma_ni^2                              (equation X1)
 
-Two stars in all suffice, from whatever heads: 1 + 1 + 1 or 1 + 1 + 0 are as good as 2 in one. Where every
+Two stars in all suffice, from whatever heads, and far apart they are worth more than many in one. Where every
 head has an attitude of its own the result is that of :func:`fuse_attitudes`; image-level fusion wins with
 fewer stars.
 
