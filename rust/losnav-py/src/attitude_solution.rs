@@ -1,7 +1,5 @@
 //! `AttitudeSolution`: what an attitude determination returns, one problem or a batch, fields made when asked for.
 use losnav_core::estimators::wahba::careful::Solution;
-use losnav_core::estimators::wahba::polish::Estimate;
-use losnav_core::math::real::{Mask, Real};
 use losnav_core::math::rotation::canonical;
 use losnav_core::math::so3::{dcm_from_quaternion, mrp_from_quaternion};
 use losnav_core::math::sym3::Sym3;
@@ -41,8 +39,19 @@ const PACKED: usize = 19;
 
 impl Record {
     /// What stands in for a problem that could not be posed.
+    #[inline]
     pub fn invalid() -> Self {
-        Self::new(&Solution::invalid(), 0)
+        Self {
+            quaternion: [f64::NAN; 4],
+            information: Sym3([f64::NAN; 6]),
+            loss: f64::NAN,
+            axis: [f64::NAN; 3],
+            weakest: f64::NAN,
+            dof: 0,
+            rank: 0,
+            exact: false,
+            converged: false,
+        }
     }
 
     /// From a solution and the number of its directions.
@@ -53,39 +62,22 @@ impl Record {
             loss: solution.loss,
             axis: solution.axis,
             weakest: solution.weakest,
-            dof: 2 * n as i32 - if n == 0 { 0 } else { i32::from(solution.rank) },
+            dof: 2 * n as i32 - i32::from(solution.rank),
             rank: solution.rank,
             exact: solution.exact,
             converged: solution.converged,
         }
     }
 
-    /// One lane of an estimate of the fast way; `None` if it is not sound.
+    /// Completes an invalid record whose numbers have become those of a minimum, proven with digits to spare.
     #[inline(always)]
-    pub fn of_lane<V: Real>(estimate: &Estimate<V>, lane: usize, n: usize) -> Option<Self> {
-        if !estimate.sound.lane(lane) {
-            return None;
+    pub fn found(&mut self, n: usize) {
+        if self.quaternion[3] == 0.0 {
+            self.quaternion = canonical(self.quaternion);
         }
-        let [x, y, z, w] = estimate.quaternion;
-        let mut quaternion = [x.lane(lane), y.lane(lane), z.lane(lane), w.lane(lane)];
-        if quaternion[3] <= 0.0 {
-            quaternion = canonical(quaternion);
-        }
-        let mut information = Sym3([0.0; 6]);
-        for (to, from) in information.0.iter_mut().zip(&estimate.information.0) {
-            *to = from.lane(lane);
-        }
-        Some(Self {
-            quaternion,
-            information,
-            loss: estimate.loss.lane(lane),
-            axis: [f64::NAN; 3],
-            weakest: f64::NAN,
-            dof: 2 * n as i32 - 3,
-            rank: 3,
-            exact: false,
-            converged: true,
-        })
+        self.dof = 2 * n as i32 - 3;
+        self.rank = 3;
+        self.converged = true;
     }
 
     /// Covariance of `δα`; NaN where a rotation is free.

@@ -383,6 +383,7 @@ impl<'a> Problems<'a> {
 }
 
 /// Rows of three.
+#[inline]
 pub fn triples(data: &[f64]) -> &[[f64; 3]] {
     data.as_chunks::<3>().0
 }

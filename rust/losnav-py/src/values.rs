@@ -46,7 +46,7 @@ pub fn check_unit<'s>(
 ) -> Result<&'s [[f64; 3]], BadValue> {
     // Written so that NaN is not exact.
     let exact = |[x, y, z]: &[f64; 3]| (x * x + y * y + z * z - 1.0).abs() <= UNIT_EXACT;
-    if directions.iter().all(exact) {
+    if directions.iter().fold(true, |all, direction| all & exact(direction)) {
         return Ok(directions);
     }
     copy.clear();

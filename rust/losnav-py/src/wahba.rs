@@ -2,7 +2,8 @@
 use std::sync::Mutex;
 
 use losnav_core::estimators::wahba::careful::{self, Problem as CarefulProblem};
-use losnav_core::estimators::wahba::{Directions, Method, Vectors, polish};
+use losnav_core::estimators::wahba::polish::polish;
+use losnav_core::estimators::wahba::{Directions, Method, Vectors};
 use pyo3::prelude::*;
 
 use crate::attitude_solution::{AttitudeSolution, Record};
@@ -11,7 +12,7 @@ use crate::errors::{BadValue, choice_error};
 use crate::pose::parse_on_error;
 use crate::threads::share_out;
 use crate::wahba_inputs::{Arguments, Problem, Problems, Scratch};
-use crate::wahba_lanes::{ManyAttitudes, OneAttitude};
+use crate::wahba_lanes::{ManyAttitudes, OneAttitude, first_lane};
 
 /// Problems a thread takes at a time: a multiple of the lanes.
 const CHUNK: usize = 256;
@@ -80,7 +81,7 @@ fn solve_chunk(
     out: &mut Vec<Record>,
 ) -> Result<(), Failure> {
     let count = CHUNK.min(problems.count - first);
-    out.reserve_exact(count);
+    out.resize(count, Record::invalid());
     let mut scratch = Scratch::default();
     let mut failure = Ok(());
     let mut one = |k: usize| match problems.get(k, &mut scratch) {
@@ -93,9 +94,9 @@ fn solve_chunk(
         }
     };
     if method == Method::Quest {
-        dispatch::wide(ManyAttitudes { problems, first, count, out, one_by_one: one });
+        dispatch::wide(ManyAttitudes { problems, first, out, one_by_one: one });
     } else {
-        out.extend((first..first + count).map(&mut one));
+        out.iter_mut().zip(first..).for_each(|(slot, k)| *slot = one(k));
     }
     failure
 }
@@ -108,8 +109,7 @@ fn solve_one(problem: &Problem<'_>, method: Method) -> Record {
         let directions =
             Vectors { body: problem.body, reference: problem.reference, weights: problem.weights };
         let profile = directions.profile();
-        let estimate = polish::polish(&directions, &profile, method.start(&profile));
-        Record::of_lane(&estimate, 0, n)
+        first_lane(&polish(&directions, &profile, method.start(&profile)), n)
     };
     fast.unwrap_or_else(|| solve_carefully(problem, method))
 }

@@ -41,30 +41,34 @@ impl<T: Real> Sym3<T> {
         ])
     }
 
-    /// Adds `w v vᵀ`.
+    /// `m + w v vᵀ`.
     #[inline(always)]
-    pub fn add_outer(&mut self, w: T, v: Vec3<T>) {
-        let u = [w * v[0], w * v[1], w * v[2]];
-        let a = &mut self.0;
-        a[0] = u[0].mul_add(v[0], a[0]);
-        a[1] = u[0].mul_add(v[1], a[1]);
-        a[2] = u[0].mul_add(v[2], a[2]);
-        a[3] = u[1].mul_add(v[1], a[3]);
-        a[4] = u[1].mul_add(v[2], a[4]);
-        a[5] = u[2].mul_add(v[2], a[5]);
+    #[must_use]
+    pub fn plus_outer(&self, w: T, v: Vec3<T>) -> Self {
+        let (a, u) = (&self.0, [w * v[0], w * v[1], w * v[2]]);
+        Self([
+            u[0].mul_add(v[0], a[0]),
+            u[0].mul_add(v[1], a[1]),
+            u[0].mul_add(v[2], a[2]),
+            u[1].mul_add(v[1], a[3]),
+            u[1].mul_add(v[2], a[4]),
+            u[2].mul_add(v[2], a[5]),
+        ])
     }
 
-    /// Adds `w (u vᵀ + v uᵀ)`.
+    /// `m + w (u vᵀ + v uᵀ)`.
     #[inline(always)]
-    pub fn add_pair(&mut self, w: T, u: Vec3<T>, v: Vec3<T>) {
-        let two = T::splat(2.0);
-        let a = &mut self.0;
-        a[0] += two * w * u[0] * v[0];
-        a[1] += w * (u[0] * v[1] + u[1] * v[0]);
-        a[2] += w * (u[0] * v[2] + u[2] * v[0]);
-        a[3] += two * w * u[1] * v[1];
-        a[4] += w * (u[1] * v[2] + u[2] * v[1]);
-        a[5] += two * w * u[2] * v[2];
+    #[must_use]
+    pub fn plus_pair(&self, w: T, u: Vec3<T>, v: Vec3<T>) -> Self {
+        let (a, two) = (&self.0, w + w);
+        Self([
+            (two * u[0]).mul_add(v[0], a[0]),
+            w.mul_add(u[0].mul_add(v[1], u[1] * v[0]), a[1]),
+            w.mul_add(u[0].mul_add(v[2], u[2] * v[0]), a[2]),
+            (two * u[1]).mul_add(v[1], a[3]),
+            w.mul_add(u[1].mul_add(v[2], u[2] * v[1]), a[4]),
+            (two * u[2]).mul_add(v[2], a[5]),
+        ])
     }
 
     /// Sum of the diagonal.

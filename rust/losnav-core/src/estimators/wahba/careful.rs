@@ -77,8 +77,7 @@ impl Solution {
             return None;
         }
         let u = self.axis;
-        let mut covariance = Sym3::zero();
-        covariance.add_outer(1.0 / self.weakest, u);
+        let mut covariance = Sym3::zero().plus_outer(1.0 / self.weakest, u);
         if !self.exact {
             let e = perpendicular(u);
             let f = cross(u, e);
@@ -86,9 +85,10 @@ impl Solution {
             let (a, b, c) = (dot(e, fe), dot(e, ff), dot(f, ff));
             // Block by block: a product of weights may leave the range of numbers.
             let (ratio, rest) = (b / c, 1.0 / (a - b * (b / c)));
-            covariance.add_outer(rest, e);
-            covariance.add_outer(1.0 / c + ratio * ratio * rest, f);
-            covariance.add_pair(-ratio * rest, e, f);
+            covariance = covariance
+                .plus_outer(rest, e)
+                .plus_outer(1.0 / c + ratio * ratio * rest, f)
+                .plus_pair(-ratio * rest, e, f);
         }
         Some(covariance)
     }
@@ -180,13 +180,13 @@ struct Curvature {
 impl Directions<f64> for Scaled<'_> {
     fn profile(&self) -> Profile<f64> {
         let mut sum = Profile::zero();
-        self.each(|b, r, w| sum.add(b, r, w));
+        self.each(|b, r, w| sum = sum.with(b, r, w));
         sum
     }
 
     fn residual(&self, dcm: &Mat3<f64>) -> Residual<f64> {
         let mut sum = Residual::zero();
-        self.each(|b, r, w| sum.add(b, r, w, dcm));
+        self.each(|b, r, w| sum = sum.with(b, r, w, dcm));
         sum
     }
 }

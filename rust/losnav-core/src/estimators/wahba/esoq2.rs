@@ -24,8 +24,7 @@ pub fn quaternion(profile: &Profile<f64>) -> Quaternion<f64> {
     let after = |k: usize| trace - 2.0 * b[k][k];
     let turn = HalfTurn::of_largest([after(0), after(1), after(2), -trace]);
     let Invariants { symmetric, z, trace, .. } = Invariants::new(&turn.turn(&b));
-    let mut m = symmetric.complement(root + trace).scaled(root - trace);
-    m.add_outer(-1.0, z);
+    let m = symmetric.complement(root + trace).scaled(root - trace).plus_outer(-1.0, z);
     let [x, y, w] = m.full();
     let axes = [cross(y, w), cross(w, x), cross(x, y)];
     let longest = axes.into_iter().fold([0.0; 3], |a, b| if norm2(b) > norm2(a) { b } else { a });

@@ -87,17 +87,20 @@ impl<T: Real> Profile<T> {
         Self { b: [[T::zero(); 3]; 3], spread: Sym3::zero(), weight: T::zero() }
     }
 
-    /// One direction more.
+    /// One direction more. By value: sums behind a reference would live in memory.
     #[inline(always)]
-    pub fn add(&mut self, body: Vec3<T>, reference: Vec3<T>, weight: T) {
+    #[must_use]
+    pub fn with(self, body: Vec3<T>, reference: Vec3<T>, weight: T) -> Self {
         let r = scale(weight, reference);
-        self.b = [
-            scale_add(body[0], r, self.b[0]),
-            scale_add(body[1], r, self.b[1]),
-            scale_add(body[2], r, self.b[2]),
-        ];
-        self.spread.add_outer(weight, reference);
-        self.weight += weight;
+        Self {
+            b: [
+                scale_add(body[0], r, self.b[0]),
+                scale_add(body[1], r, self.b[1]),
+                scale_add(body[2], r, self.b[2]),
+            ],
+            spread: self.spread.plus_outer(weight, reference),
+            weight: self.weight + weight,
+        }
     }
 
     /// The sum over the lanes, in every lane of `S`.
@@ -152,14 +155,15 @@ impl<T: Real> Residual<T> {
 
     /// One direction more. The residual is a difference, so that its digits are those of the measurement.
     #[inline(always)]
-    pub fn add(&mut self, body: Vec3<T>, reference: Vec3<T>, weight: T, dcm: &Mat3<T>) {
+    #[must_use]
+    pub fn with(self, body: Vec3<T>, reference: Vec3<T>, weight: T, dcm: &Mat3<T>) -> Self {
         let h = rotate(dcm, reference);
         let e = sub(body, h);
         let weighted = scale(weight, e);
-        self.gradient = add(self.gradient, cross(weighted, h));
-        self.loss = (T::splat(0.5) * weighted[0]).mul_add(e[0], self.loss);
-        self.loss = (T::splat(0.5) * weighted[1]).mul_add(e[1], self.loss);
-        self.loss = (T::splat(0.5) * weighted[2]).mul_add(e[2], self.loss);
+        Self {
+            gradient: add(self.gradient, cross(weighted, h)),
+            loss: T::splat(0.5).mul_add(dot(weighted, e), self.loss),
+        }
     }
 }
 
@@ -195,7 +199,7 @@ impl<T: Real> Directions<T> for Vectors<'_, T> {
                 weight = *first;
                 weights = rest;
             }
-            sum.add(*b, *r, weight);
+            sum = sum.with(*b, *r, weight);
         }
         sum
     }
@@ -210,7 +214,7 @@ impl<T: Real> Directions<T> for Vectors<'_, T> {
                 weight = *first;
                 weights = rest;
             }
-            sum.add(*b, *r, weight, dcm);
+            sum = sum.with(*b, *r, weight, dcm);
         }
         sum
     }
