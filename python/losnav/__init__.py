@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from losnav import attitude, constants, dynamics, noise, observability, sensors
 from losnav._core import __version__
-from losnav.attitude_determination import AttitudeSolution, solve_attitude
+from losnav.attitude_determination import AttitudeSolution, solve_attitude, solve_attitude_robust
 from losnav.errors import (
     DegenerateGeometryError,
     InvalidInputError,
@@ -63,6 +63,7 @@ __all__ = [
     "scenarios",
     "sensors",
     "solve_attitude",
+    "solve_attitude_robust",
     "solve_pose",
     "solve_pose_robust",
     "star_tracker",

@@ -38,6 +38,7 @@ __all__ = [
     "sensor_linearize",
     "sensor_single",
     "solve_attitude",
+    "solve_attitude_robust",
     "solve_pose",
     "solve_pose_robust",
 ]
@@ -200,7 +201,20 @@ def solve_attitude(
     body: npt.ArrayLike,
     reference: npt.ArrayLike,
     sigma: npt.ArrayLike,
+    covariance: npt.ArrayLike | None,
     method: str,
+    polish: bool,
+    on_error: str,
+    /,
+) -> AttitudeSolution: ...
+def solve_attitude_robust(
+    body: npt.ArrayLike,
+    reference: npt.ArrayLike,
+    sigma: npt.ArrayLike,
+    max_outlier_ratio: float,
+    confidence: float,
+    inlier_probability: float,
+    seed: int,
     on_error: str,
     /,
 ) -> AttitudeSolution: ...

@@ -12,13 +12,14 @@ import numpy as np
 
 from losnav import _core
 from losnav._core import AttitudeSolution
+from losnav.errors import InvalidInputError
 
 if TYPE_CHECKING:
     from typing import TypeAlias
 
     from losnav._arrays import ArrayLike
 
-__all__ = ["AttitudeSolution", "solve_attitude"]
+__all__ = ["AttitudeSolution", "solve_attitude", "solve_attitude_robust"]
 
 Method: TypeAlias = Literal["quest", "q-method", "svd", "foam", "esoq2"]
 OnError: TypeAlias = Literal["raise", "nan"]
@@ -31,7 +32,9 @@ def solve_attitude(
     reference: ArrayLike,
     *,
     sigma: ArrayLike = 1.0,
+    covariance: ArrayLike | None = None,
     method: Method = "quest",
+    polish: bool = True,
     on_error: OnError = "raise",
 ) -> AttitudeSolution:
     """Attitude from unit vectors in body axes and in the reference frame, with covariance and rank.
@@ -49,8 +52,15 @@ def solve_attitude(
     sigma : scalar, (N,), (..., N) or (..., 1)
         1-sigma noise of each direction, rad per axis. One of the N may be 0: that direction is exact. With
         the default the estimate is the same but covariance and chi2 are in units of an unknown noise.
+    covariance : (..., N, 3, 3), optional
+        Covariance of each direction in body axes, rad^2, instead of ``sigma`` (see :mod:`losnav.noise`); rank
+        2 with the null space along the direction is welcome. The minimum is then the one that Newton steps
+        reach from Wahba's with the mean weights.
     method : {"quest", "q-method", "svd", "foam", "esoq2"}
         Which classical solver gives the start. The results agree to rounding; "quest" is the fast one.
+    polish : bool
+        False returns the classical solver's own answer, digits lost included, ``converged`` where it lies
+        within 1e-7 rad of the minimum.
     on_error : {"raise", "nan"}
         What an invalid problem does: raise, or become NaN and leave the rest of the batch alone.
 
@@ -77,7 +87,77 @@ def solve_attitude(
     >>> ln.solve_attitude([[0.0, 0, 1]], [[0.0, 1, 0]]).free_axis  # the turn about it is free
     array([0., 0., 1.])
     """
-    return _core.solve_attitude(body, reference, sigma, method, on_error)
+    return _core.solve_attitude(body, reference, sigma, covariance, method, polish, on_error)
+
+
+def solve_attitude_robust(
+    body: ArrayLike,
+    reference: ArrayLike,
+    *,
+    sigma: ArrayLike | None = None,
+    max_outlier_ratio: float = 0.6,
+    confidence: float = 0.9999,
+    inlier_probability: float = 0.999,
+    seed: int = 0,
+    on_error: OnError = "raise",
+) -> AttitudeSolution:
+    """Attitude when some of the directions belong to other stars.
+
+    Locally optimised RANSAC as in :func:`losnav.solve_pose_robust`: pairs whose separation agrees in both
+    frames, scored by the truncated cost ``sum min(r^2, g^2)`` (MSAC), the promising ones optimised on their
+    inliers, Wahba's problem of the inliers at the end. The same for the same seed on any number of cores.
+
+    Parameters
+    ----------
+    body : (..., N, 3)
+        Measured unit vectors in body axes, at least two, right or wrong.
+    reference : (N, 3) or (..., N, 3)
+        What they are taken for, in the reference frame. A star may appear twice.
+    sigma : scalar, (N,), (..., N) or (..., 1)
+        1-sigma noise of the right directions, rad per axis. It decides what counts as wrong: give the true
+        one.
+    max_outlier_ratio : float
+        Greatest part of wrong directions to survive; bounds the number of samples.
+    confidence : float
+        Probability that a pair without wrong directions is drawn before the search stops.
+    inlier_probability : float
+        Part of the right directions that the gate lets pass (chi-square quantile, 2 degrees of freedom).
+    seed : int
+        Seed of the samples; problem k of a batch has its own.
+    on_error : {"raise", "nan"}
+        As for :func:`solve_attitude`.
+
+    Returns
+    -------
+    AttitudeSolution
+        ``inliers (..., N)`` says which directions were kept; covariance, chi2 and dof are those of the kept
+        ones. ``converged`` also asks for three of them at least, and that no more were dropped than
+        ``max_outlier_ratio`` allows.
+
+    Raises
+    ------
+    InvalidInputError
+        Naming the argument, the index and the rule broken.
+
+    Examples
+    --------
+    >>> import numpy as np, losnav as ln
+    >>> rng = np.random.default_rng(1)
+    >>> stars = rng.standard_normal((20, 3))
+    >>> stars /= np.linalg.norm(stars, axis=1, keepdims=True)
+    >>> body = stars @ ln.attitude.dcm_from_mrp([0.1, 0.2, 0.3]).T
+    >>> body[:8] = body[7::-1]  # eight stars taken for others
+    >>> solution = ln.solve_attitude_robust(body, stars, sigma=1e-5)
+    >>> int(solution.inliers.sum()), solution.converged
+    (12, True)
+    """
+    if sigma is None:
+        raise InvalidInputError(
+            "sigma: expected the noise of the right directions, got none; it decides what is wrong"
+        )
+    return _core.solve_attitude_robust(
+        body, reference, sigma, max_outlier_ratio, confidence, inlier_probability, seed, on_error
+    )
 
 
 def describe(solution: AttitudeSolution) -> str:
@@ -89,7 +169,9 @@ def describe(solution: AttitudeSolution) -> str:
         return f"AttitudeSolution(shape={converged.shape}, {counts})"
     quaternion = ", ".join(f"{c:.9g}" for c in solution.quaternion)
     residuals = f"chi2={solution.chi2:.4g} for {solution.dof} dof"
-    return f"AttitudeSolution(quaternion=[{quaternion}], {_knowledge(solution)}, {residuals})"
+    kept = solution.inliers
+    inliers = "" if kept is None else f", {int(kept.sum())} of {kept.size} directions kept"
+    return f"AttitudeSolution(quaternion=[{quaternion}], {_knowledge(solution)}, {residuals}{inliers})"
 
 
 def _knowledge(solution: AttitudeSolution) -> str:

@@ -140,6 +140,15 @@ CALLS = {
         ln.solve_pose, {"landmarks": LANDMARKS, "los": LOS, "covariance": COVARIANCE, "guess": GUESS}, {}
     ),
     "solve_attitude": Call(ln.solve_attitude, {"body": BODY, "reference": REFERENCE, "sigma": SIGMA}, {}),
+    "solve_attitude covariance": Call(
+        ln.solve_attitude, {"body": BODY, "reference": REFERENCE, "covariance": COVARIANCE}, {}
+    ),
+    "solve_attitude_robust": Call(
+        ln.solve_attitude_robust, {"body": BODY, "reference": REFERENCE, "sigma": SIGMA}, {"seed": 1}
+    ),
+    "solve_attitude unpolished": Call(
+        ln.solve_attitude, {"body": BODY, "reference": REFERENCE, "sigma": SIGMA}, {"polish": False}
+    ),
     "solve_attitude svd": Call(
         ln.solve_attitude, {"body": BODY, "reference": REFERENCE, "sigma": SIGMA}, {"method": "svd"}
     ),

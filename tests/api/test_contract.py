@@ -21,6 +21,7 @@ POSITIONAL = {
     "solve_pose": ["landmarks", "los"],
     "solve_pose_robust": ["landmarks", "los"],
     "solve_attitude": ["body", "reference"],
+    "solve_attitude_robust": ["body", "reference"],
     "fisher_information": ["landmarks", "position", "mrp", "sigma"],
     "pose_observability": ["landmarks", "position"],
 }
@@ -39,7 +40,13 @@ SOLVE_POSE_DEFAULTS = {
     "on_error": "raise",
 }
 ROBUST_DEFAULTS = {"max_outlier_ratio": 0.6, "confidence": 0.9999, "seed": 0, "on_error": "raise"}
-SOLVE_ATTITUDE_DEFAULTS = {"sigma": 1.0, "method": "quest", "on_error": "raise"}
+SOLVE_ATTITUDE_DEFAULTS = {
+    "sigma": 1.0,
+    "covariance": None,
+    "method": "quest",
+    "polish": True,
+    "on_error": "raise",
+}
 ATTITUDE_FIELDS = [
     "dcm",
     "quaternion",
@@ -96,6 +103,7 @@ def test_positional_arguments(name):
         ("solve_pose", SOLVE_POSE_DEFAULTS),
         ("solve_pose_robust", ROBUST_DEFAULTS),
         ("solve_attitude", SOLVE_ATTITUDE_DEFAULTS),
+        ("solve_attitude_robust", ROBUST_DEFAULTS),
     ],
 )
 def test_options_are_keywords_with_these_defaults(name, defaults):

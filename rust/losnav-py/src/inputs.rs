@@ -67,17 +67,7 @@ impl<'py> Arguments<'py> {
                 "landmarks: expected at least {minimum} landmarks, got {n}"
             )));
         }
-        let noise = match &self.noise {
-            NoiseArgument::Sigma(ScalarOrArray::Scalar(sigma)) => Err(*sigma),
-            NoiseArgument::Sigma(ScalarOrArray::Array(a)) => {
-                // One number for each problem is as good as one for each direction.
-                let width = if a.shape().last() == Some(&1) { 1 } else { n };
-                Ok(Part::new("sigma", &format!("scalar, ({n},), (..., {n}) or (..., 1)"), a, &[Some(width)])?)
-            }
-            NoiseArgument::Covariance(a) => {
-                Ok(Part::new("covariance", &format!("(..., {n}, 3, 3)"), a, &[Some(n), Some(3), Some(3)])?)
-            }
-        };
+        let noise = noise_part(&self.noise, n)?;
         let guess = match &self.guess {
             Some(a) => Some(Part::new("guess", "(..., 6)", a, &[Some(6)])?),
             None => None,
@@ -105,6 +95,23 @@ impl<'py> Arguments<'py> {
             shape,
             repeats,
         })
+    }
+}
+
+/// The noise argument with its dimensions, or the one number that it is.
+pub fn noise_part<'a>(noise: &'a NoiseArgument<'_>, n: usize) -> PyResult<Result<Part<'a>, f64>> {
+    match noise {
+        NoiseArgument::Sigma(ScalarOrArray::Scalar(sigma)) => Ok(Err(*sigma)),
+        NoiseArgument::Sigma(ScalarOrArray::Array(a)) => {
+            // One number for each problem is as good as one for each direction.
+            let width = if a.shape().last() == Some(&1) { 1 } else { n };
+            let expected = format!("scalar, ({n},), (..., {n}) or (..., 1)");
+            Part::new("sigma", &expected, a, &[Some(width)]).map(Ok)
+        }
+        NoiseArgument::Covariance(a) => {
+            let expected = format!("(..., {n}, 3, 3)");
+            Part::new("covariance", &expected, a, &[Some(n), Some(3), Some(3)]).map(Ok)
+        }
     }
 }
 

@@ -23,6 +23,7 @@ mod values;
 mod wahba;
 mod wahba_inputs;
 mod wahba_lanes;
+mod wahba_robust;
 
 /// The module `losnav._core`.
 #[pyo3::pymodule(gil_used = false)]
@@ -56,6 +57,8 @@ mod _core {
     use crate::solution::PoseSolution;
     #[pymodule_export]
     use crate::wahba::solve_attitude;
+    #[pymodule_export]
+    use crate::wahba_robust::solve_attitude_robust;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -13,7 +13,7 @@ use crate::pose::{kept_landmarks, number, parse_on_error, whole};
 use crate::solution::{PoseSolution, Record};
 
 /// Spreads the seeds of a batch: 2⁶⁴ over the golden ratio.
-const SEED_STEP: u64 = 0x9E37_79B9_7F4A_7C15;
+pub const SEED_STEP: u64 = 0x9E37_79B9_7F4A_7C15;
 
 /// Largest coordinate whose powers the search can form without a second thought.
 const PLAIN: f64 = 1e30;
@@ -141,7 +141,7 @@ fn record(problem: &Problem<'_>, found: &RobustOutcome, inliers: &[bool]) -> Rec
 }
 
 /// A number in (0, 1), or [0, 1) where zero has a meaning.
-fn ratio(argument: &str, value: &Bound<'_, PyAny>, zero: bool) -> PyResult<f64> {
+pub fn ratio(argument: &str, value: &Bound<'_, PyAny>, zero: bool) -> PyResult<f64> {
     let expected = if zero { "0 <= x < 1" } else { "0 < x < 1" };
     let number = number(argument, expected, value)?;
     if number < 1.0 && (number > 0.0 || zero && number == 0.0) {

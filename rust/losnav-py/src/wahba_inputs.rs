@@ -1,16 +1,18 @@
 //! The arguments of an attitude determination: shapes, broadcasting, problems one by one.
+use losnav_core::math::vec3::Mat3;
+use losnav_core::models::linearization::Weight;
 use pyo3::prelude::*;
 
 use crate::convert::{Floats, ScalarOrArray};
 use crate::errors::{BadValue, InvalidInputError};
-use crate::inputs::{Part, Rows, broadcast_into, triples};
-use crate::values::check_unit;
+use crate::inputs::{NoiseArgument, Part, Rows, broadcast_into, noise_part, triples};
+use crate::values::{check_unit, full_weight};
 
 /// The arguments, arrays kept alive.
 pub struct Arguments<'py> {
     body: Floats<'py>,
     reference: Floats<'py>,
-    sigma: ScalarOrArray<'py>,
+    noise: NoiseArgument<'py>,
 }
 
 impl<'py> Arguments<'py> {
@@ -19,16 +21,17 @@ impl<'py> Arguments<'py> {
         body: &Bound<'py, PyAny>,
         reference: &Bound<'py, PyAny>,
         sigma: &Bound<'py, PyAny>,
+        covariance: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Self> {
-        Ok(Self {
-            body: Floats::new(body, "body")?,
-            reference: Floats::new(reference, "reference")?,
-            sigma: ScalarOrArray::new(sigma, "sigma")?,
-        })
+        let noise = match covariance {
+            Some(value) => NoiseArgument::Covariance(Floats::new(value, "covariance")?),
+            None => NoiseArgument::Sigma(ScalarOrArray::new(sigma, "sigma")?),
+        };
+        Ok(Self { body: Floats::new(body, "body")?, reference: Floats::new(reference, "reference")?, noise })
     }
 
     /// Checks the shapes and lays the problems out.
-    pub fn problems(&self, minimum: usize) -> PyResult<Problems<'_>> {
+    pub fn problems(&self, minimum: usize, exact: Exact) -> PyResult<Problems<'_>> {
         let body = Part::new("body", "(..., N, 3)", &self.body, &[None, Some(3)])?;
         let reference = Part::new("reference", "(N, 3) or (..., N, 3)", &self.reference, &[None, Some(3)])?;
         let n = body.core[0];
@@ -44,27 +47,16 @@ impl<'py> Arguments<'py> {
                 if minimum == 1 { "" } else { "s" }
             )));
         }
-        let sigma = match &self.sigma {
-            ScalarOrArray::Scalar(_) => None,
-            ScalarOrArray::Array(a) => {
-                // One number for each problem is as good as one for each direction.
-                let width = if a.shape().last() == Some(&1) { 1 } else { n };
-                Some(Part::new(
-                    "sigma",
-                    &format!("scalar, ({n},), (..., {n}) or (..., 1)"),
-                    a,
-                    &[Some(width)],
-                )?)
-            }
-        };
+        let noise = noise_part(&self.noise, n)?;
         let mut shape = Vec::new();
-        for part in [Some(&body), Some(&reference), sigma.as_ref()].into_iter().flatten() {
+        for part in [Some(&body), Some(&reference), noise.as_ref().ok()].into_iter().flatten() {
             broadcast_into(&mut shape, part.lead, part.name)?;
         }
-        let noise = match (sigma, &self.sigma) {
-            (Some(part), _) => Noise::Sigma(part.rows(&shape)),
-            (None, ScalarOrArray::Scalar(sigma)) => Noise::Common(*sigma),
-            (None, ScalarOrArray::Array(_)) => Noise::Common(f64::NAN),
+        let full = matches!(self.noise, NoiseArgument::Covariance(_));
+        let noise = match noise {
+            Err(sigma) => Noise::Common(sigma),
+            Ok(part) if full => Noise::Covariance(part.rows(&shape)),
+            Ok(part) => Noise::Sigma(part.rows(&shape)),
         };
         Ok(Problems {
             n,
@@ -73,6 +65,7 @@ impl<'py> Arguments<'py> {
             body: body.rows(&shape),
             reference: reference.rows(&shape),
             noise,
+            exact,
             shape,
         })
     }
@@ -84,6 +77,17 @@ pub enum Noise<'a> {
     Common(f64),
     /// One for each direction, or for each problem.
     Sigma(Rows<'a>),
+    /// A 3×3 covariance for each direction.
+    Covariance(Rows<'a>),
+}
+
+/// May one direction have no noise at all?
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exact {
+    /// Yes: a constraint.
+    Allowed,
+    /// No: whether it is wrong could not be asked.
+    Refused,
 }
 
 /// Every problem of a call.
@@ -102,6 +106,8 @@ pub struct Problems<'a> {
     pub reference: Rows<'a>,
     /// Noise.
     pub noise: Noise<'a>,
+    /// May one direction be exact?
+    exact: Exact,
 }
 
 /// One problem, values checked, directions normalised.
@@ -113,6 +119,8 @@ pub struct Problem<'a> {
     pub reference: &'a [[f64; 3]],
     /// `1/σ²`, one for each direction or one for all; infinite for an exact direction.
     pub weights: &'a [f64],
+    /// `S` with `SᵀS = R⁻¹` for each direction, if they were given covariances; the weights are the means of `R⁻¹` then.
+    pub roots: &'a [Mat3<f64>],
 }
 
 /// Room for what a problem needs beyond the arguments' memory; reused from one problem to the next.
@@ -121,6 +129,7 @@ pub struct Scratch {
     body: Vec<[f64; 3]>,
     reference: Vec<[f64; 3]>,
     weights: Vec<f64>,
+    roots: Vec<Mat3<f64>>,
     /// One weight for all directions: no heap for the commonest case.
     common: [f64; 1],
 }
@@ -128,47 +137,55 @@ pub struct Scratch {
 impl Problems<'_> {
     /// Checks problem `k` and gives it in the solver's form.
     pub fn get<'s>(&'s self, k: usize, scratch: &'s mut Scratch) -> Result<Problem<'s>, BadValue> {
-        let Scratch { body, reference, weights, common } = scratch;
+        let Scratch { body, reference, weights, roots, common } = scratch;
         let body = check_unit("body", triples(self.body.of(k)), body)?;
         let reference = check_unit("reference", triples(self.reference.of(k)), reference)?;
-        let weights = match &self.noise {
+        roots.clear();
+        weights.clear();
+        match &self.noise {
             Noise::Common(sigma) => {
-                *common = [weight(*sigma, 0)?];
-                if common[0] == f64::INFINITY && self.n > 1 {
-                    return Err(BadValue::ExactTwice { first: 0, second: 1 });
-                }
-                &common[..]
+                *common = [self.weight(*sigma, 0)?];
+                self.check_exact(common)?;
+                return Ok(Problem { body, reference, weights: &common[..], roots: &roots[..] });
             }
             Noise::Sigma(rows) => {
-                weights.clear();
-                let mut exact = None;
                 for (row, sigma) in rows.of(k).iter().enumerate() {
-                    let one = weight(*sigma, row)?;
-                    if one == f64::INFINITY {
-                        if let Some(first) = exact {
-                            return Err(BadValue::ExactTwice { first, second: row });
-                        }
-                        exact = Some(row);
-                    }
-                    weights.push(one);
+                    weights.push(self.weight(*sigma, row)?);
                 }
-                if exact.is_some() && weights.len() < self.n {
-                    return Err(BadValue::ExactTwice { first: 0, second: 1 });
-                }
-                &weights[..]
+                self.check_exact(weights)?;
             }
-        };
-        Ok(Problem { body, reference, weights })
+            Noise::Covariance(rows) => {
+                for (row, (entries, b)) in rows.of(k).as_chunks::<9>().0.iter().zip(body).enumerate() {
+                    if let Weight::Full(root) = full_weight(entries, b, row)? {
+                        weights.push(root.iter().flatten().map(|x| x * x).sum::<f64>() / 3.0);
+                        roots.push(root);
+                    }
+                }
+            }
+        }
+        Ok(Problem { body, reference, weights: &weights[..], roots: &roots[..] })
     }
-}
 
-/// `1/σ²`, infinite for zero.
-fn weight(sigma: f64, row: usize) -> Result<f64, BadValue> {
-    let weight = 1.0 / (sigma * sigma);
-    let plain = sigma > 0.0 && weight.is_finite() && weight > 0.0;
-    if plain || sigma == 0.0 {
-        Ok(weight)
-    } else {
-        Err(BadValue::Negative { argument: "sigma", row, value: sigma })
+    /// `1/σ²`, infinite for zero.
+    fn weight(&self, sigma: f64, row: usize) -> Result<f64, BadValue> {
+        let weight = 1.0 / (sigma * sigma);
+        if sigma > 0.0 && weight.is_finite() && weight > 0.0 {
+            return Ok(weight);
+        }
+        match self.exact {
+            Exact::Allowed if sigma == 0.0 => Ok(f64::INFINITY),
+            Exact::Allowed => Err(BadValue::Negative { argument: "sigma", row, value: sigma }),
+            Exact::Refused => Err(BadValue::NotPositive { argument: "sigma", row, value: sigma }),
+        }
+    }
+
+    /// One exact direction at most; a weight that serves all of several is none.
+    fn check_exact(&self, weights: &[f64]) -> Result<(), BadValue> {
+        let mut exact = weights.iter().enumerate().filter(|(_, w)| **w == f64::INFINITY).map(|(row, _)| row);
+        match (exact.next(), exact.next()) {
+            (Some(first), Some(second)) => Err(BadValue::ExactTwice { first, second }),
+            (Some(_), None) if weights.len() < self.n => Err(BadValue::ExactTwice { first: 0, second: 1 }),
+            _ => Ok(()),
+        }
     }
 }

@@ -114,7 +114,7 @@ struct Chunk<V> {
 impl<V: Lanes> SideBySide<'_, V> {
     #[inline(always)]
     fn chunk(&self, first: usize) -> Chunk<V> {
-        let Problem { body, reference, weights } = *self.problem;
+        let Problem { body, reference, weights, .. } = *self.problem;
         let end = (first + V::LANES).min(body.len());
         let count = end - first;
         let weight = match weights {
@@ -299,6 +299,8 @@ impl<V: Lanes> Columns<V> {
                 }
                 sound = sound.and(V::zero().lt(V::splat(*sigma)));
             }
+            // Those go one by one.
+            Noise::Covariance(_) => return V::Mask::splat(false),
             Noise::Sigma(rows) => {
                 self.weights.clear();
                 for row in 0..rows.width() {

@@ -1,4 +1,5 @@
 //! Estimators: everything that turns linearisations into an estimate.
+mod draws;
 pub mod kalman;
 pub mod least_squares;
 pub mod loss;

@@ -15,6 +15,7 @@
 //! All draws come from a SplitMix64 generator: the same seed, the same result, on every machine.
 use nalgebra::{Matrix3, Vector3};
 
+use super::draws::{Draws, samples_needed, triple_after};
 use super::least_squares::{Options, Outcome, PoseState, solve};
 use super::loss::{Loss, LossValue, Robust, RobustKind};
 use super::minimal::{Pose, candidates, p3p};
@@ -29,10 +30,6 @@ const WIDE: f64 = 3.0;
 const LOCAL_ITERATIONS: u32 = 12;
 /// Samples this much dearer than the best are optimised too where every triple is tried: few lines of sight make the ranking a lottery.
 const EVERY_MARGIN: f64 = 1.2;
-/// Samples drawn beyond the textbook number, which takes every all-right sample for a success: noise spoils some.
-const SPARE_SAMPLES: f64 = 1.5;
-/// Bound on the samples whatever is asked.
-const SAMPLES_MAX: f64 = 20_000.0;
 /// Distance of attitudes (rad times the root of two) below which a start leads back to the pose it is compared with.
 const SAME_BASIN: f64 = 0.02;
 /// Fewest inliers of a success: three fit always.
@@ -232,20 +229,22 @@ impl Problem<'_> {
         }
         let triples = n as f64 * (n - 1) as f64 * (n - 2) as f64 / 6.0;
         let worst = (1.0 - options.max_outlier_ratio.clamp(0.0, 1.0)) * n as f64;
-        let mut needed = samples_needed(worst, n as f64, options.confidence);
+        let mut needed = samples_needed(worst, n as f64, 3, options.confidence);
         let every = triples <= needed;
         if every {
             needed = triples;
             search.margin = EVERY_MARGIN;
         }
-        let mut draws = Draws { state: options.seed, triple: [0, 1, 2] };
+        let mut draws = Draws::new(options.seed);
+        let mut next = [0, 1, 2];
         let mut samples = 0;
         while f64::from(samples) < needed {
-            let triple = if every { draws.next_triple(n) } else { draws.random_triple(n) };
+            let triple = if every { next } else { draws.triple(n) };
+            next = triple_after(next, n);
             samples += 1;
             if self.try_sample(search, triple) && !every {
                 let inliers = search.best.map_or(0, |b| self.inliers(&b.0));
-                needed = needed.min(samples_needed(inliers as f64, n as f64, options.confidence));
+                needed = needed.min(samples_needed(inliers as f64, n as f64, 3, options.confidence));
             }
         }
         samples
@@ -340,70 +339,7 @@ fn local_options() -> Options {
     }
 }
 
-/// Samples after which one without wrong lines of sight was drawn with the given confidence.
-fn samples_needed(inliers: f64, n: f64, confidence: f64) -> f64 {
-    let good = inliers * (inliers - 1.0).max(0.0) * (inliers - 2.0).max(0.0) / (n * (n - 1.0) * (n - 2.0));
-    let ln = |x: f64| num_traits::Float::ln(x);
-    if good >= 1.0 {
-        return 1.0;
-    }
-    if good.is_nan() || good <= 1e-12 {
-        return SAMPLES_MAX;
-    }
-    let needed = SPARE_SAMPLES * ln(1.0 - confidence) / ln(1.0 - good);
-    if needed < SAMPLES_MAX { needed.max(1.0) } else { SAMPLES_MAX }
-}
-
 fn gather(list: &[[f64; 3]], i: [usize; 3]) -> Option<[Vector3<f64>; 3]> {
     let at = |k: usize| list.get(k).map(|v| Vector3::from(*v));
     Some([at(i[0])?, at(i[1])?, at(i[2])?])
-}
-
-/// Triples of observations, drawn (SplitMix64: Steele, Lea & Flood, OOPSLA 2014) or in turn.
-struct Draws {
-    state: u64,
-    triple: [usize; 3],
-}
-
-impl Draws {
-    #[inline]
-    fn bits(&mut self) -> u64 {
-        self.state = self.state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.state ^ (self.state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    #[inline]
-    fn below(&mut self, n: usize) -> usize {
-        ((u128::from(self.bits()) * n as u128) >> 64) as usize
-    }
-
-    /// Three different indices below `n`, each triple as likely: draw from the ranks that are left.
-    #[inline]
-    fn random_triple(&mut self, n: usize) -> [usize; 3] {
-        let i = self.below(n);
-        let mut j = self.below(n - 1);
-        j += usize::from(j >= i);
-        let (low, high) = (i.min(j), i.max(j));
-        let mut k = self.below(n - 2);
-        k += usize::from(k >= low);
-        k += usize::from(k >= high);
-        [i, j, k]
-    }
-
-    /// The triples `i < j < k < n` in turn.
-    #[inline]
-    fn next_triple(&mut self, n: usize) -> [usize; 3] {
-        let now = self.triple;
-        let [i, j, k] = now;
-        self.triple = if k + 1 < n {
-            [i, j, k + 1]
-        } else if j + 2 < n {
-            [i, j + 1, j + 2]
-        } else {
-            [i + 1, i + 2, i + 3]
-        };
-        now
-    }
 }

@@ -27,6 +27,8 @@ const STEPS: usize = 30;
 const WEAK: f64 = 1e-3;
 /// Last step of a converged estimate, rad.
 const ARRIVED: f64 = 1e-9;
+/// Distance from the minimum of a classical solver's answer that counts as converged, rad.
+const CLASSICAL: f64 = 1e-7;
 /// Step below which another one changes nothing, rad.
 const STILL: f64 = 1e-15;
 /// An eigenvalue of `K` this close to the largest, in units of the sum of weights, belongs to it.
@@ -93,6 +95,15 @@ impl Solution {
         Some(covariance)
     }
 
+    /// What cannot be written down is not known.
+    #[must_use]
+    pub fn checked(mut self) -> Self {
+        self.converged &= self.loss.is_finite()
+            && self.information.0.iter().all(|x| x.is_finite())
+            && self.covariance().is_some_and(|p| p.0.iter().all(|x| x.is_finite()));
+        self
+    }
+
     /// An attitude known otherwise: rank and free axis are those of its information.
     #[must_use]
     pub fn known(quaternion: Quaternion<f64>, information: Sym3<f64>, loss: f64) -> Self {
@@ -125,6 +136,9 @@ pub struct Problem<'a> {
     pub weights: &'a [f64],
     /// Solver of the start.
     pub method: Method,
+    /// Newton steps after it? Without them the answer is the classical solver's own, converged if one such step would be
+    /// shorter than `CLASSICAL`.
+    pub polish: bool,
 }
 
 /// Solves one problem.
@@ -150,11 +164,7 @@ pub fn solve(problem: &Problem<'_>) -> Solution {
     solution.loss *= scaled.largest;
     solution.information = solution.information.scaled(scaled.largest);
     solution.weakest *= scaled.largest;
-    // What cannot be written down is not known.
-    solution.converged &= solution.loss.is_finite()
-        && solution.information.0.iter().all(|x| x.is_finite())
-        && solution.covariance().is_some_and(|p| p.0.iter().all(|x| x.is_finite()));
-    solution
+    solution.checked()
 }
 
 impl Problem<'_> {
@@ -267,6 +277,9 @@ impl Scaled<'_> {
     fn free(&self) -> Solution {
         let profile = self.profile();
         let start = self.problem.method.start(&profile);
+        if !self.problem.polish {
+            return self.classical(&profile, start);
+        }
         let mut found = self.descend(&profile, start);
         if !(found.rank == 3 && found.converged) {
             let sure = Method::QMethod.start(&profile);
@@ -276,6 +289,20 @@ impl Scaled<'_> {
             found = self.undetermined(&profile, found);
         }
         found
+    }
+
+    /// The start as it is.
+    fn classical(&self, profile: &Profile<f64>, start: Quaternion<f64>) -> Solution {
+        if !start.iter().all(|x| x.is_finite()) {
+            return Solution::invalid();
+        }
+        let dcm = dcm_from_quaternion(start);
+        let curvature = self.curvature(profile, &dcm);
+        let floor = RANK_TOLERANCE * RANK_TOLERANCE * profile.weight;
+        let (delta, rank) = curvature.newton(self.residual(&dcm).gradient, floor);
+        let free = (rank == 2).then_some(curvature.axes[2]);
+        let near = norm2(delta) <= CLASSICAL * CLASSICAL;
+        self.at(profile, start, rank, free, rank == 3 && near)
     }
 
     /// Steps 4 and 5.

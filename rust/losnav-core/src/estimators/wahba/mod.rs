@@ -20,9 +20,11 @@ pub mod characteristic;
 pub mod esoq2;
 pub mod exact;
 pub mod foam;
+pub mod full;
 pub mod polish;
 pub mod q_method;
 pub mod quest;
+pub mod robust;
 pub mod sequential;
 pub mod svd;
 
