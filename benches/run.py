@@ -21,7 +21,7 @@ sys.path.insert(0, str(ROOT))
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
-from benches import growth, kernels, report, single  # noqa: E402
+from benches import attitude, growth, kernels, report, single  # noqa: E402
 
 RESULTS = ROOT / "benches" / "RESULTS.md"
 PICTURE = ROOT / "docs" / "images" / "growth.png"
@@ -39,6 +39,8 @@ def main(arguments=None):
     parts = [report.head(machine(), versions(), quick)]
     parts += _single_tables(quick, rounds)
     parts += _batch_tables(quick, rounds)
+    _say("attitude from vectors")
+    parts.append(attitude.section(quick, rounds))
     if not quick:
         parts.append(report.kernels(kernels.criterion(), kernels.instructions(), kernels.public_call()))
         parts.append(report.WHY)

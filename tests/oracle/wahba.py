@@ -45,7 +45,7 @@ def refine(dcm, body, reference, sigma, steps=8):
 
 
 def information(directions, sigma):
-    """F = sum (I - b b') / sigma^2 (A14)."""
+    """F = sum (I - b b') / sigma^2 (A4)."""
     f = np.zeros((3, 3))
     for b, s in zip(directions, sigma, strict=True):
         f += (np.eye(3) - np.outer(b, b)) / s**2

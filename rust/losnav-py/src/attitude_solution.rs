@@ -263,7 +263,7 @@ impl AttitudeSolution {
         self.array(py, &[3], |r| mrp_from_quaternion(r.quaternion))
     }
 
-    /// Covariance of ``dalpha``, body axes, rad^2, ``(..., 3, 3)`` (equation A14); NaN where a rotation is free.
+    /// Covariance of ``dalpha``, body axes, rad^2, ``(..., 3, 3)`` (equation A4); NaN where a rotation is free.
     #[getter]
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.array(py, &[3, 3], Record::covariance)

@@ -124,13 +124,13 @@ impl<T: Real> Profile<T> {
         [scale(k, self.b[0]), scale(k, self.b[1]), scale(k, self.b[2])]
     }
 
-    /// Information about `δα`, `Σ w (I − h hᵀ)` with `h = A r` (14).
+    /// Information about `δα`, `Σ w (I − h hᵀ)` with `h = A r` (A4).
     #[inline(always)]
     pub fn information(&self, dcm: &Mat3<T>) -> Sym3<T> {
         self.spread.turned(dcm).complement(self.weight)
     }
 
-    /// Exact Hessian of the loss over `δα`: `tr(M) I − sym M`, `M = B Aᵀ = Σ w b hᵀ`.
+    /// Exact Hessian of the loss over `δα` (A5): `tr(M) I − sym M`, `M = B Aᵀ = Σ w b hᵀ`.
     #[inline(always)]
     pub fn hessian(&self, dcm: &Mat3<T>) -> Sym3<T> {
         let part = Sym3::part(&mul(&self.b, &transpose(dcm)));

@@ -25,7 +25,7 @@ const MARGIN: f64 = 1e-6;
 pub struct Estimate<T: Real> {
     /// Orientation, scalar last, either sign.
     pub quaternion: Quaternion<T>,
-    /// Information about `δα`, body axes (14).
+    /// Information about `δα`, body axes (A4).
     pub information: Sym3<T>,
     /// Wahba's loss.
     pub loss: T,
