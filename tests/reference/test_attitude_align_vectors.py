@@ -9,8 +9,8 @@
 | ``covariance``                      | ``sensitivity / mean(weights)``, see below                |
 | rank below 3: ``converged`` False   | a warning, or nothing                                     |
 
-SciPy's sensitivity is the inverse of the exact Hessian, our covariance of the information at the estimate: the
-two differ by the residuals, which is the first order of the noise.
+SciPy's sensitivity is the inverse of the exact Hessian, our covariance that of the information at the
+estimate: the two differ by the residuals, which is the first order of the noise.
 """
 
 import numpy as np
