@@ -98,7 +98,8 @@ def test_general_solution_is_stationary(scene, seed):
         return total
 
     here = cost(solution.dcm)
-    assert solution.chi2 == pytest.approx(here, rel=1e-9, abs=1e-12)
+    # A covariance of rank 2 is inverted with a little added along the star.
+    assert solution.chi2 == pytest.approx(here, rel=1e-6, abs=1e-9)
     sigma = np.sqrt(np.linalg.eigvalsh(solution.covariance))
     axes = np.linalg.eigh(solution.covariance)[1].T
     for axis, size in zip(axes, sigma, strict=True):

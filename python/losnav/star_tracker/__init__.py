@@ -27,7 +27,7 @@ from losnav.star_tracker.ellipsoid import (
 )
 from losnav.star_tracker.field import boresight_ratio, head_covariance
 from losnav.star_tracker.fused_attitude import FusedAttitude
-from losnav.star_tracker.fusion import fuse
+from losnav.star_tracker.fusion import by_head, fuse
 from losnav.star_tracker.heads import Head
 from losnav.star_tracker.layout import Layout, optimal_layout, tight_frame
 from losnav.star_tracker.mounting import consider_covariance, mounting_bias, mounting_sensitivity
@@ -51,6 +51,7 @@ __all__ = [
     "aberrate",
     "align_heads",
     "boresight_ratio",
+    "by_head",
     "catalogue_covariance",
     "catalogue_directions",
     "consider_covariance",

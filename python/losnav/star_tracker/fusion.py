@@ -7,16 +7,12 @@ head has an attitude of its own the result is that of :func:`fuse_attitudes`; im
 fewer stars.
 
 Noise that is not the same in all directions across a star (:class:`PixelNoise`, an uncertain catalogue) is no
-Wahba problem. Then Wahba's answer is the start of
+Wahba problem; then
 
-    min sum (S b - A r)' W (S b - A r),   W inverse of the star's covariance across it     (T7)
+    min sum (S b - A r)' W (S b - A r),   W inverse of the star's covariance across it               (T7)
 
-1. ``p = A r``, ``e = S b - p``, ``H = sum [p x]' W [p x]``, ``xi = H^-1 sum [p x]' W e``.
-2. ``A <- exp(-[xi x]) A``; again until the step is rounding (three times).
-3. Covariance ``H^-1``, chi2 the sum itself.
-
-In a 20-degree field this changes the covariance by 3 %, in a 60-degree field by a quarter; the attitude
-hardly.
+by Newton steps from Wahba's answer, ``covariance=`` of :func:`losnav.solve_attitude`. In a 20-degree field
+this changes the covariance by 3 %, in a 60-degree field by a quarter; the attitude hardly.
 """
 
 from __future__ import annotations
@@ -26,23 +22,21 @@ from itertools import pairwise
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
+import numpy.typing as npt
 
-from losnav import _core
 from losnav._arrays import UNIT_TOLERANCE, ArrayLike, FloatArray, as_float64, positive, units
 from losnav._arrays import covariances as checked_covariances
-from losnav.attitude_determination import AttitudeSolution, solve_attitude
+from losnav.attitude_determination import AttitudeSolution, solve_attitude, solve_attitude_robust
 from losnav.errors import InvalidInputError
-from losnav.star_tracker._rotation import cross_matrices, rotation_matrices, unit
-from losnav.star_tracker.covariance import in_scale, per_head
+from losnav.star_tracker._rotation import unit
+from losnav.star_tracker.covariance import in_scale, per_head, symmetric
 from losnav.star_tracker.heads import Head, checked_heads
-from losnav.star_tracker.star_noise import QuestNoise, tangent_weights
+from losnav.star_tracker.star_noise import QuestNoise
 
-__all__ = ["fuse"]
+__all__ = ["by_head", "fuse"]
 
 Method: TypeAlias = Literal["quest", "q-method", "svd", "foam", "esoq2"]
 OnError: TypeAlias = Literal["raise", "nan"]
-# Gauss-Newton from Wahba's answer needs three steps; a step below this is rounding, rad.
-MAX_ITERATIONS, STEP = 20, 1e-14
 
 
 def fuse(
@@ -53,6 +47,9 @@ def fuse(
     method: Method = "quest",
     *,
     covariances: Sequence[ArrayLike] | None = None,
+    robust: bool = False,
+    max_outlier_ratio: float = 0.6,
+    seed: int = 0,
     on_error: OnError = "raise",
 ) -> AttitudeSolution:
     """Attitude of the fusion frame from the stars of all heads together.
@@ -72,6 +69,12 @@ def fuse(
     covariances : sequence of N arrays (..., N_n, 3, 3), optional
         Covariance of each star in head axes, rad^2, instead of ``sigmas``; of rank 2 or 3, what it says along
         the star is ignored.
+    robust : bool
+        Find out which stars are taken for others and leave them out, :func:`losnav.solve_attitude_robust`:
+        ``inliers`` of the result, :func:`by_head` sorts them by head. One noise for every star then, the root
+        mean square of its covariance.
+    max_outlier_ratio, seed : float, int
+        Of the robust search.
     on_error : {"raise", "nan"}
         What an invalid problem of a batch does.
 
@@ -118,13 +121,54 @@ def fuse(
     reference = _joined(stars[1], "catalogue_vectors")
     if not body.shape[-2]:
         raise InvalidInputError("body_vectors: expected at least one star in any head, got none")
-    start = solve_attitude(
-        body, reference, sigma=_joined(deviations, "sigmas", 1), method=method, on_error=on_error
-    )
+    if robust:
+        return solve_attitude_robust(
+            body,
+            reference,
+            sigma=_joined(deviations, "sigmas", 1),
+            max_outlier_ratio=max_outlier_ratio,
+            seed=seed,
+            on_error=on_error,
+        )
     if not spreads:
-        return start
+        sigma = _joined(deviations, "sigmas", 1)
+        return solve_attitude(body, reference, sigma=sigma, method=method, on_error=on_error)
     turned = [h.mounting @ r @ h.mounting.T for h, r in zip(mounted, spreads, strict=True)]
-    return _refined(body, reference, _joined(turned, "covariances", 3), start)
+    spread = _joined(turned, "covariances", 3)
+    return solve_attitude(body, reference, covariance=spread, method=method, on_error=on_error)
+
+
+def by_head(flags: npt.NDArray[Any], body_vectors: Sequence[ArrayLike]) -> list[npt.NDArray[Any]]:
+    """What belongs to all stars together, ``inliers`` of a robust fusion, sorted by head.
+
+    Parameters
+    ----------
+    flags : (..., N_1 + ... + N_N)
+        One value for each star, heads in order.
+    body_vectors : sequence of N arrays (..., N_n, 3)
+        As given to :func:`fuse`.
+
+    Returns
+    -------
+    list of N arrays (..., N_n)
+
+    Raises
+    ------
+    InvalidInputError
+        If there are not as many values as stars.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import losnav as ln
+    >>> stars = [np.zeros((2, 3)), np.zeros((0, 3)), np.zeros((1, 3))]
+    >>> ln.star_tracker.by_head(np.array([True, False, True]), stars)
+    [array([ True, False]), array([], dtype=bool), array([ True])]
+    """
+    counts = [0 if np.size(b) == 0 else np.shape(b)[-2] for b in body_vectors]
+    if flags.shape[-1:] != (sum(counts),):
+        raise InvalidInputError(f"flags: expected {sum(counts)} values, as many as stars, got {flags.shape}")
+    return np.split(flags, np.cumsum(counts)[:-1], axis=-1)
 
 
 def stars_of(
@@ -193,7 +237,7 @@ def _round(head: Head, stars: FloatArray, noise: Any) -> bool:
 def _given(
     heads: list[Head], stars: list[FloatArray], covariances: Sequence[ArrayLike]
 ) -> tuple[list[FloatArray], list[FloatArray]]:
-    """Root mean square across each star, and the covariances as they are."""
+    """Root mean square across each star, and the covariances across it."""
     deviations, spreads = [], []
     for n, (b, value) in enumerate(
         zip(stars, per_head(covariances, len(heads), "covariances", scalar=False), strict=True)
@@ -210,13 +254,13 @@ def _given(
                 f"covariances[{n}]: expected a shape that broadcasts with {(*b.shape, 3)}, got {spread.shape}"
             ) from error
         along = unit(b)
-        across = np.trace(spread, axis1=-2, axis2=-1) - np.einsum(
-            "...i,...ij,...j->...", along, spread, along
-        )
-        if not (across > 0.0).all():
+        across = np.eye(3) - along[..., :, np.newaxis] * along[..., np.newaxis, :]
+        spread = across @ spread @ across
+        total = np.trace(spread, axis1=-2, axis2=-1)
+        if not (total > 0.0).all():
             raise InvalidInputError(f"covariances[{n}]: expected a spread across every star, got zero")
-        deviations.append(np.sqrt(0.5 * across))
-        spreads.append(spread)
+        deviations.append(np.sqrt(0.5 * total))
+        spreads.append(symmetric(spread))
     return deviations, spreads
 
 
@@ -233,54 +277,3 @@ def _joined(arrays: list[FloatArray], name: str, core: int = 2) -> FloatArray:
         raise InvalidInputError(f"{name}: leading dimensions do not broadcast: {shapes}") from error
     full = [np.broadcast_to(a, (*lead, *a.shape[a.ndim - core :])) for a in arrays]
     return np.concatenate(full, axis=-core)
-
-
-def _refined(
-    body: FloatArray, reference: FloatArray, spread: FloatArray, start: AttitudeSolution
-) -> AttitudeSolution:
-    """Gauss-Newton on (T7) from Wahba's answer; problems it could not solve stay as they are."""
-    body, weight = unit(body), tangent_weights(body, spread)
-    known = np.asarray(start.rank) == 3
-    dcm, target = np.asarray(start.dcm), unit(reference)
-    dcm = np.where(np.isfinite(dcm), dcm, np.eye(3))
-    done = ~known
-    for _ in range(MAX_ITERATIONS):
-        information, slope, _ = _normal(body, target, weight, dcm)
-        safe = np.where(known[..., np.newaxis, np.newaxis], information, np.eye(3))
-        full = np.linalg.solve(safe, slope[..., np.newaxis])[..., 0]
-        step = np.asarray(np.where(done[..., np.newaxis], 0.0, full), dtype=np.float64)
-        dcm = rotation_matrices(step) @ dcm
-        done = done | (np.linalg.norm(step, axis=-1) < STEP)
-        if done.all():
-            break
-    information, _, chi2 = _normal(body, target, weight, dcm)
-    invalid = np.asarray(~np.isfinite(np.asarray(start.quaternion)).all(axis=-1))
-    chi2 = np.where(done & ~invalid, chi2, np.nan)
-    dof = np.broadcast_to(2.0 * body.shape[-2], chi2.shape) - np.asarray(start.rank)
-    quaternion = np.where(invalid[..., np.newaxis], np.nan, _core.quaternion_from_dcm(_orthonormal(dcm)))
-    return _core.attitude_solution(
-        np.ascontiguousarray(quaternion), np.ascontiguousarray(information), chi2, dof
-    )
-
-
-def _normal(
-    body: FloatArray, reference: FloatArray, weight: FloatArray, dcm: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Information, slope and chi2 of (T7)."""
-    predicted = np.einsum("...ij,...nj->...ni", dcm, reference)
-    residual = body - predicted
-    rows = cross_matrices(predicted)
-    weighted = np.swapaxes(rows, -1, -2) @ weight
-    information = (weighted @ rows).sum(axis=-3)
-    slope = np.einsum("...nij,...nj->...i", weighted, residual)
-    chi2 = np.einsum("...ni,...nij,...nj->...", residual, weight, residual)
-    return (
-        np.asarray(0.5 * (information + np.swapaxes(information, -1, -2))),
-        np.asarray(slope),
-        np.asarray(chi2),
-    )
-
-
-def _orthonormal(dcm: FloatArray) -> FloatArray:
-    """Products of a few rotations, freed of their rounding."""
-    return np.asarray(1.5 * dcm - 0.5 * dcm @ np.swapaxes(dcm, -1, -2) @ dcm)
