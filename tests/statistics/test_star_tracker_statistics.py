@@ -160,6 +160,30 @@ def test_of_two_heads_none_is_named():
     assert fused.p_value < 1e-3
 
 
+def test_of_two_that_see_none_is_named():
+    """The third head is blind: whatever the two that are left say, it cannot be settled."""
+    heads = tracker(3)
+    attitudes = [h.mounting.T @ DCM for h in heads]
+    attitudes[0] = dcm_from_rotation_vector(np.array([0, 60 * ARCSEC, 0])) @ attitudes[0]
+    attitudes[2] = None
+    fused = ln.star_tracker.fuse_attitudes(heads, attitudes, [HEAD_COVARIANCE] * 3)
+    assert fused.suspected == ("A", "B")
+    assert fused.used.tolist() == [True, True, False]
+    assert not fused.decided
+    assert not fused.consistent
+    assert fused.dof == 3
+
+
+def test_false_alarms_of_two_heads_are_exact():
+    """One comparison, one test: the share of alarms is the probability asked for."""
+    runs, asked = 20_000, 0.02
+    heads = tracker(2)
+    attitudes = head_attitudes(heads, [HEAD_COVARIANCE] * 2, runs, np.random.default_rng(12))
+    fused = ln.star_tracker.fuse_attitudes(heads, attitudes, [HEAD_COVARIANCE] * 2, false_alarm=asked)
+    low, high = binomial_band(asked, runs)
+    assert low < (~fused.consistent).sum() < high
+
+
 def test_blind_heads_are_named_and_do_not_matter():
     heads = tracker(4)
     covariances = [HEAD_COVARIANCE] * 4

@@ -208,7 +208,7 @@ def _fusion(
     masked = np.where(used[..., np.newaxis, np.newaxis], weights, 0.0)
     total = masked.sum(axis=-3)
     covariance = symmetric(np.linalg.inv(np.where(any_used[:, np.newaxis, np.newaxis], total, np.eye(3))))
-    mean = dcms[np.arange(len(dcms)), _medoid(dcms, used)]
+    mean = dcms[np.arange(len(dcms)), used.argmax(axis=-1)]
     done = np.zeros(len(dcms), dtype=bool)
     for _ in range(MAX_ITERATIONS):
         error = _errors(dcms, mean[:, np.newaxis])
@@ -219,13 +219,6 @@ def _fusion(
             break
     mean[~any_used], covariance[~any_used] = np.nan, np.nan
     return mean, covariance, any_used & done
-
-
-def _medoid(dcms: FloatArray, used: BoolArray) -> npt.NDArray[np.intp]:
-    """The head nearest to the others in use: a start that one wild head cannot spoil."""
-    cosine = np.einsum("bnij,bmij->bnm", dcms, dcms)
-    distance = np.where(used[:, np.newaxis, :], np.sqrt(np.maximum(3.0 - cosine, 0.0)), 0.0).sum(axis=-1)
-    return np.asarray(np.where(used, distance, np.inf).argmin(axis=-1))
 
 
 def _errors(true: FloatArray, estimate: FloatArray) -> FloatArray:
