@@ -19,6 +19,7 @@ RESULTS = {
     "robust solution": lambda: ln.solve_pose_robust(LANDMARKS, LOS, sigma=SIGMA),
     "attitude": lambda: ln.solve_attitude(BODY, REFERENCE, sigma=SIGMA),
     "batch of attitudes": lambda: ln.solve_attitude(np.stack([BODY] * 3), REFERENCE, sigma=SIGMA),
+    "robust attitude": lambda: ln.solve_attitude_robust(BODY, REFERENCE, sigma=SIGMA),
     "free attitude": lambda: ln.solve_attitude(BODY[:1], REFERENCE[:1]),
     "observability": lambda: ln.pose_observability(LANDMARKS, GUESS[:3]),
 }
@@ -129,8 +130,14 @@ def test_sixteen_threads(name):
 
 
 def test_sixteen_threads_share_one_solution():
+    solution = ln.solve_attitude(np.stack([BODY] * 64), REFERENCE, sigma=SIGMA)
+    assert_sixteen_threads_agree(solution, ("quaternion", "covariance", "dcm"))
     solution = ln.solve_pose(LANDMARKS, np.stack([LOS] * 64), sigma=SIGMA)
-    expected = {field: np.array(getattr(solution, field)) for field in ("position", "covariance", "dcm")}
+    assert_sixteen_threads_agree(solution, ("position", "covariance", "dcm"))
+
+
+def assert_sixteen_threads_agree(solution, fields):
+    expected = {field: np.array(getattr(solution, field)) for field in fields}
     start = threading.Barrier(16)
     wrong = []
 
@@ -149,13 +156,17 @@ def test_sixteen_threads_share_one_solution():
     assert not wrong
 
 
-def test_solving_releases_the_interpreter():
+@pytest.mark.parametrize("what", ["pose", "attitude"])
+def test_solving_releases_the_interpreter(what):
     """While a large batch is solved in one thread, another one keeps running Python."""
     batch = np.broadcast_to(LOS, (40_000, *LOS.shape)).copy()
     done = threading.Event()
 
     def work():
-        ln.solve_pose(LANDMARKS, batch, sigma=SIGMA)
+        if what == "pose":
+            ln.solve_pose(LANDMARKS, batch, sigma=SIGMA)
+        else:
+            ln.solve_attitude(batch, REFERENCE, sigma=SIGMA, method="svd")
         done.set()
 
     thread = threading.Thread(target=work)

@@ -181,3 +181,32 @@ def test_an_exact_direction_is_met_exactly(problem):
     scale = np.sqrt(np.abs(near.covariance).max())
     assert distance(solution.dcm, near.dcm) < 1e-5 * scale + GENERAL_RAD
     assert np.allclose(solution.covariance, near.covariance, rtol=0, atol=1e-5 * scale**2)
+
+
+LATTICE = np.array([v for v in np.ndindex(3, 3, 3) if v != (1, 1, 1)]) - 1.0
+LATTICE /= np.linalg.norm(LATTICE, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_kind_of_degeneracy(method):
+    """Random directions of a cube to random partners: repeated, opposite, mirrored, contradicting, coplanar.
+
+    Loss and rank are those of the singular values s of B: the eigenvalues of the Hessian are s_i + s_j, the
+    last s with the sign of det U det V."""
+    rng = np.random.default_rng(METHODS.index(method))
+    ranks = np.zeros(4, dtype=int)
+    faces = LATTICE[np.abs(LATTICE).max(axis=1) == 1]
+    for k in range(4000):
+        count = rng.integers(1, 6)
+        among = faces if k % 2 else LATTICE
+        body, reference = among[rng.integers(len(among), size=(2, count))]
+        solution = ln.solve_attitude(body, reference, method=method)
+        u, s, vt = np.linalg.svd(body.T @ reference)
+        s[2] *= np.linalg.det(u) * np.linalg.det(vt)
+        curvature = np.array([s[1] + s[2], s[0] + s[2], s[0] + s[1]])
+        assert solution.loss == pytest.approx(count - s.sum(), abs=1e-12)
+        assert solution.rank == (curvature > 1e-9).sum()
+        assert solution.converged == (solution.rank == 3)
+        ranks[solution.rank] += 1
+    # The rarest are the contradictions.
+    assert (ranks > 4).all()
