@@ -10,6 +10,8 @@ use losnav_core::math::real::Real;
 pub trait Lanes: Real {
     /// `pick(i)` in lane `i`.
     fn gather(pick: impl Fn(usize) -> f64) -> Self;
+    /// Lane after lane from the front of `data`, NaN beyond its end.
+    fn read(data: &[f64]) -> Self;
     /// Lane after lane into `out`.
     fn write(self, out: &mut [f64]);
 }
@@ -18,6 +20,10 @@ impl Lanes for f64 {
     #[inline(always)]
     fn gather(pick: impl Fn(usize) -> f64) -> Self {
         pick(0)
+    }
+    #[inline(always)]
+    fn read(data: &[f64]) -> Self {
+        data.first().copied().unwrap_or(f64::NAN)
     }
     #[inline(always)]
     fn write(self, out: &mut [f64]) {
@@ -79,17 +85,49 @@ impl Isa {
     }
 }
 
-/// Problems side by side in [`wide`] work.
-pub fn lanes() -> usize {
-    struct Count;
-    impl Job for Count {
-        type Output = usize;
-        #[inline(always)]
-        fn run<V: Lanes, S: Lanes>(self) -> usize {
-            V::LANES
-        }
+/// Work in one kind of lanes: less code than a [`Job`], which is compiled for two kinds each time.
+pub trait LaneJob {
+    /// What it returns.
+    type Output;
+    /// Does the work; must be `#[inline(always)]`.
+    fn run<V: Lanes>(self) -> Self::Output;
+}
+
+/// Runs several problems side by side, [`lanes`] of them.
+pub fn many<J: LaneJob>(job: J) -> J::Output {
+    match Isa::current() {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: the CPU has the features, `Isa::available` asked.
+        Isa::Avx512 => unsafe { x86::avx512_many(job) },
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: as above.
+        Isa::Avx2 => unsafe { x86::avx2_many(job) },
+        _ => baseline(job),
     }
-    wide(Count)
+}
+
+/// Runs one problem after another.
+pub fn one<J: LaneJob>(job: J) -> J::Output {
+    match Isa::current() {
+        #[cfg(target_arch = "x86_64")]
+        // SAFETY: the CPU has the features, `Isa::available` asked.
+        Isa::Avx512 | Isa::Avx2 => unsafe { x86::avx2_one(job) },
+        _ => baseline(job),
+    }
+}
+
+/// There one problem is as wide as it gets.
+fn baseline<J: LaneJob>(job: J) -> J::Output {
+    job.run::<f64>()
+}
+
+/// Problems side by side in [`many`].
+pub fn lanes() -> usize {
+    match Isa::current() {
+        Isa::Avx512 => 8,
+        Isa::Avx2 => 4,
+        Isa::Baseline => 1,
+    }
 }
 
 /// Work written once: `V` the lanes, `S` one number. `run` must be `#[inline(always)]`.
@@ -125,8 +163,23 @@ pub fn narrow<J: Job>(job: J) -> J::Output {
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use super::Job;
+    use super::{Job, LaneJob};
     use crate::lanes::{F64x4, F64x8, Fused};
+
+    #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
+    pub fn avx512_many<J: LaneJob>(job: J) -> J::Output {
+        job.run::<F64x8>()
+    }
+
+    #[target_feature(enable = "avx2,fma")]
+    pub fn avx2_many<J: LaneJob>(job: J) -> J::Output {
+        job.run::<F64x4>()
+    }
+
+    #[target_feature(enable = "avx2,fma")]
+    pub fn avx2_one<J: LaneJob>(job: J) -> J::Output {
+        job.run::<Fused>()
+    }
 
     #[target_feature(enable = "avx2,fma")]
     pub fn avx2<J: Job>(job: J) -> J::Output {

@@ -195,6 +195,12 @@ impl Lanes for F64x4 {
         Self(unsafe { _mm256_set_pd(pick(3), pick(2), pick(1), pick(0)) })
     }
     #[inline(always)]
+    fn read(data: &[f64]) -> Self {
+        let values = data.first_chunk::<4>().unwrap_or(&[f64::NAN; 4]);
+        // SAFETY: as many f64 in either form.
+        Self(unsafe { core::mem::transmute::<[f64; 4], __m256d>(*values) })
+    }
+    #[inline(always)]
     fn write(self, out: &mut [f64]) {
         if let Some(out) = out.first_chunk_mut::<4>() {
             *out = self.array();
@@ -345,6 +351,12 @@ impl Lanes for F64x8 {
         Self(unsafe { _mm512_set_pd(pick(7), pick(6), pick(5), pick(4), pick(3), pick(2), pick(1), pick(0)) })
     }
     #[inline(always)]
+    fn read(data: &[f64]) -> Self {
+        let values = data.first_chunk::<8>().unwrap_or(&[f64::NAN; 8]);
+        // SAFETY: as many f64 in either form.
+        Self(unsafe { core::mem::transmute::<[f64; 8], __m512d>(*values) })
+    }
+    #[inline(always)]
     fn write(self, out: &mut [f64]) {
         if let Some(out) = out.first_chunk_mut::<8>() {
             *out = self.array();
@@ -441,6 +453,10 @@ impl Lanes for Fused {
     #[inline(always)]
     fn gather(pick: impl Fn(usize) -> f64) -> Self {
         Self(pick(0))
+    }
+    #[inline(always)]
+    fn read(data: &[f64]) -> Self {
+        Self(data.first().copied().unwrap_or(f64::NAN))
     }
     #[inline(always)]
     fn write(self, out: &mut [f64]) {

@@ -1,87 +1,67 @@
 //! Back over recorded arcs, several in the lanes.
-use losnav_core::estimators::kalman::{Covariance, Estimate, Joseph, Matrix, Smoothed, smooth_back};
+use core::marker::PhantomData;
+
+use losnav_core::estimators::kalman::{Covariance, Smoothed, smooth_back};
 use losnav_core::models::dynamics::DynamicsModel;
 
-use super::arcs::{Layout, write};
+use super::advance::{Runs, entries, load, write};
+use super::arcs::Layout;
 use super::engine::Passage;
-use super::family::Widths;
-use crate::dispatch::{Job, Lanes};
+use super::family::{Form, Widths};
+use crate::dispatch::{LaneJob, Lanes};
 
-/// One group of arcs, smoothed in place.
-pub struct Backward<'a, D, const N: usize> {
+/// One group of arcs, smoothed in place: the covariances themselves take the place of what they were kept in.
+pub struct Backward<'a, D, F, const N: usize> {
     pub dynamics: &'a D,
     pub passage: &'a Passage,
     pub layout: &'a Layout,
-    pub lanes: usize,
-    pub runs: usize,
-    /// The first run of the group.
-    pub first: usize,
+    pub runs: Runs,
     /// The group's part of the record.
     pub data: &'a mut [f64],
+    pub form: PhantomData<F>,
 }
 
-impl<D: Widths<N>, const N: usize> Job for Backward<'_, D, N> {
+impl<D: Widths<N>, F: Form, const N: usize> LaneJob for Backward<'_, D, F, N> {
     type Output = ();
 
     #[inline(always)]
-    fn run<V: Lanes, S: Lanes>(self) {
-        if self.lanes == 1 { self.group::<S>() } else { self.group::<V>() }
-    }
-}
-
-impl<D: Widths<N>, const N: usize> Backward<'_, D, N> {
-    #[inline(always)]
-    fn group<V: Lanes>(self) {
+    fn run<V: Lanes>(self) {
         let model = self.dynamics.of::<V>();
         let size = self.layout.entries() * V::LANES;
         let epochs = self.passage.steps.len();
-        if epochs == 0 || self.data.len() < epochs * size {
-            return;
-        }
         let mut prepared: Option<(f64, f64, D::Step)> = None;
-        let (state, covariance) = read::<V, N>(&self.data[(epochs - 1) * size..]);
-        let mut later = Smoothed { state, covariance: Joseph::from_stored(covariance).matrix() };
-        for epoch in (0..epochs - 1).rev() {
-            let (start, dt) = (self.passage.starts[epoch + 1], self.passage.steps[epoch + 1]);
-            let out = &mut self.data[epoch * size..(epoch + 1) * size];
-            if dt != 0.0 {
-                let varying = <D::Of<V> as DynamicsModel<V, N>>::TIME_VARYING;
-                let step = match prepared {
-                    Some((from, length, step)) if length == dt && (!varying || from == start) => step,
-                    _ => model.prepare(start, dt),
-                };
-                prepared = Some((start, dt, step));
-                let mut control = [V::zero(); 3];
-                if let Some(controls) = self.passage.controls() {
-                    controls.read(self.first, self.runs - 1, epoch + 1, &mut control);
+        let mut later: Option<Smoothed<V, [V; N], N>> = None;
+        for epoch in (0..epochs).rev() {
+            let Some(out) = self.data.get_mut(epoch * size..(epoch + 1) * size) else { return };
+            let filtered = load::<V, F::Of<V, N>, N>(&out[..entries(N) * V::LANES]);
+            let smoothed = match later {
+                None => Smoothed { state: filtered.state, covariance: filtered.covariance.matrix() },
+                // Two epochs at one time: one knows what the other does.
+                Some(later) if self.passage.steps[epoch + 1] == 0.0 => later,
+                Some(later) => {
+                    let (start, dt) = (self.passage.starts[epoch + 1], self.passage.steps[epoch + 1]);
+                    let varying = <D::Of<V> as DynamicsModel<V, N>>::TIME_VARYING;
+                    let step = match prepared {
+                        Some((from, length, step)) if length == dt && (!varying || from == start) => step,
+                        _ => model.prepare(start, dt),
+                    };
+                    prepared = Some((start, dt, step));
+                    let mut control = [V::zero(); 3];
+                    if let Some(controls) = self.passage.controls() {
+                        controls.read(self.runs, epoch + 1, &mut control);
+                    }
+                    smooth_back(model, &step, control, &filtered, &later)
                 }
-                let (state, covariance) = read::<V, N>(out);
-                let filtered = Estimate { state, covariance: Joseph::from_stored(covariance) };
-                later = smooth_back(model, &step, control, &filtered, &later);
-            }
+            };
             let mut at = N;
             for i in 0..N {
-                write(out, i, later.state[i]);
+                write(out, i, smoothed.state[i]);
                 for j in i..N {
-                    write(out, at, later.covariance[i][j]);
+                    write(out, at, smoothed.covariance[i][j]);
                     at += 1;
                 }
             }
+            later = Some(smoothed);
         }
     }
-}
-
-/// State and upper triangle of the covariance.
-#[inline(always)]
-fn read<V: Lanes, const N: usize>(data: &[f64]) -> ([V; N], Matrix<V, N>) {
-    let entry = |k: usize| V::gather(|lane| data[k * V::LANES + lane]);
-    let (mut state, mut covariance, mut at) = ([V::zero(); N], [[V::zero(); N]; N], N);
-    for i in 0..N {
-        state[i] = entry(i);
-        for j in i..N {
-            covariance[i][j] = entry(at);
-            at += 1;
-        }
-    }
-    (state, covariance)
 }

@@ -1,14 +1,16 @@
 //! The state of a filter and what moves it: behind one door for every model, size and covariance form.
-use losnav_core::error::ModelError;
-use losnav_core::estimators::kalman::{Covariance, Estimate, Options, Rows, with_consider};
-use losnav_core::models::dynamics::DynamicsModel;
-use losnav_core::models::state::State;
+use core::marker::PhantomData;
 
-use super::arcs::{Arcs, End, Layout, Plan, Series};
+use losnav_core::error::ModelError;
+use losnav_core::estimators::kalman::Options;
+use losnav_core::models::dynamics::DynamicsModel;
+
+use super::advance::{Answers, Observe, Predict, Runs, Series, entries};
+use super::arcs::{Arcs, Layout, Plan, Steps, in_lanes};
 use super::backward::Backward;
+use super::core::{Core, Given};
 use super::family::{Form, Widths};
 use super::record::ArcRecord;
-use super::single::Single;
 use super::source::Source;
 use crate::dispatch;
 use crate::threads::share_out;
@@ -22,6 +24,7 @@ pub struct Settings {
 }
 
 impl Settings {
+    /// The same for a state of `N`.
     pub fn options<const N: usize>(&self) -> Options<N> {
         let flag = |flags: &Vec<bool>| core::array::from_fn(|i| flags.get(i).copied().unwrap_or(false));
         Options {
@@ -41,22 +44,12 @@ pub struct Look<'a> {
     pub settings: &'a Settings,
 }
 
-/// Whitened rows of any other sensor: `innovation ≈ H δ` with unit noise, linearised at `prior + offset`.
-pub struct Given<'a> {
-    pub innovation: &'a [f64],
-    /// `(M, n)`.
-    pub jacobian: &'a [f64],
-    pub offset: &'a [f64],
-    pub settings: &'a Settings,
-}
-
 /// What became of a measurement.
 pub struct Seen {
     /// State and covariance before, after the prediction.
     pub prior: (Vec<f64>, Vec<f64>),
     pub innovation: Vec<f64>,
     pub nis: f64,
-    pub dof: usize,
     pub accepted: bool,
 }
 
@@ -83,12 +76,16 @@ pub enum Failure {
     Undefined(ModelError),
     /// The prediction is not finite.
     Prediction,
+    /// The innovation is not finite though the measurement is.
+    Update,
     /// The model lives in Python.
     NotListed,
 }
 
 /// A filter whose size, form and model are known inside.
 pub trait Engine: Send + Sync {
+    /// Arcs side by side in a record of that many.
+    fn lanes(&self, runs: usize) -> usize;
     /// Estimates: one, or one for each run of a batch.
     fn count(&self) -> usize;
     /// States, `(count, n)`.
@@ -97,8 +94,10 @@ pub trait Engine: Send + Sync {
     fn covariances(&self) -> Vec<f64>;
     /// The numbers the covariances are kept in, `(count, n, n)`.
     fn stored(&self) -> Vec<f64>;
-    /// The first estimate from those numbers, or from a covariance.
-    fn set(&mut self, state: &[f64], matrices: &[f64], stored: bool);
+    /// The covariance of one recorded estimate.
+    fn matrix(&self, estimate: &[f64]) -> Vec<f64>;
+    /// Estimates from those numbers, or from covariances.
+    fn set(&mut self, states: &[f64], matrices: &[f64], stored: bool);
     /// Steps and looks with the listed model; `start` is the time, s.
     fn step(
         &mut self,
@@ -107,10 +106,10 @@ pub trait Engine: Send + Sync {
         control: [f64; 3],
         look: Option<Look<'_>>,
     ) -> Result<Option<Seen>, Failure>;
-    /// Whole arcs; what the sensors have rejected at the end, run by run. `keep` leaves the filter at the end.
+    /// Whole arcs; what the sensors have rejected at the end of the first. `keep` leaves the filter at the end.
     fn arcs(&mut self, plan: &Plan<'_>, layout: &Layout, keep: bool)
     -> Result<(Vec<f64>, Vec<f64>), Failure>;
-    /// The data of a record with states and covariances smoothed.
+    /// The data of a record with states and covariances smoothed; the latter no longer in the form of the filter.
     fn smooth(&self, record: &ArcRecord) -> Vec<f64>;
     /// Takes the prediction of a model in Python: `x'`, `Φ`, `Q`.
     fn predict_given(&mut self, state: &[f64], transition: &[f64], noise: &[f64]) -> bool;
@@ -122,150 +121,10 @@ pub trait Engine: Send + Sync {
     fn duplicate(&self) -> Box<dyn Engine>;
 }
 
-/// Estimates in some size `N ≥ n`; components beyond `n` are independent of everything.
-pub struct Core<F: Form, const N: usize> {
-    n: usize,
-    estimates: Vec<Estimate<[f64; N], F::Of<f64, N>>>,
-    attempt: Option<Estimate<[f64; N], F::Of<f64, N>>>,
-}
-
-impl<F: Form, const N: usize> Core<F, N> {
-    /// Room for states of `n`.
-    pub fn new(n: usize) -> Self {
-        Self { n, estimates: Vec::new(), attempt: None }
-    }
-
-    /// An `n × n` matrix in the corner of the unit matrix.
-    fn padded(&self, matrix: &[f64]) -> [[f64; N]; N] {
-        let mut out = [[0.0; N]; N];
-        for i in 0..N {
-            for j in 0..N {
-                out[i][j] = if i < self.n && j < self.n {
-                    matrix.get(i * self.n + j).copied().unwrap_or(f64::NAN)
-                } else {
-                    f64::from(u8::from(i == j))
-                };
-            }
-        }
-        out
-    }
-
-    fn vector(&self, values: &[f64]) -> [f64; N] {
-        core::array::from_fn(|i| if i < self.n { values.get(i).copied().unwrap_or(f64::NAN) } else { 0.0 })
-    }
-
-    fn corner(&self, matrix: &[[f64; N]; N]) -> Vec<f64> {
-        matrix.iter().take(self.n).flat_map(|row| row.iter().take(self.n).copied()).collect()
-    }
-
-    fn states(&self) -> Vec<f64> {
-        self.estimates.iter().flat_map(|e| e.state.iter().take(self.n).copied()).collect()
-    }
-
-    fn covariances(&self) -> Vec<f64> {
-        self.estimates.iter().flat_map(|e| self.corner(&e.covariance.matrix())).collect()
-    }
-
-    fn stored(&self) -> Vec<f64> {
-        self.estimates.iter().flat_map(|e| self.corner(e.covariance.stored())).collect()
-    }
-
-    fn set(&mut self, states: &[f64], matrices: &[f64], stored: bool) {
-        let one = |(state, matrix): (&[f64], &[f64])| {
-            let matrix = self.padded(matrix);
-            let covariance =
-                if stored { F::Of::<f64, N>::from_stored(matrix) } else { F::Of::<f64, N>::new(&matrix) };
-            Estimate { state: self.vector(state), covariance }
-        };
-        let size = self.n.max(1);
-        self.estimates = states.chunks(size).zip(matrices.chunks(size * size)).map(one).collect();
-    }
-
-    fn predict_given(&mut self, state: &[f64], transition: &[f64], noise: &[f64]) -> bool {
-        let mut noise = self.padded(noise);
-        for i in self.n..N {
-            noise[i][i] = 0.0;
-        }
-        let moved = Moved { state: self.vector(state), transition: self.padded(transition), noise };
-        let Some(estimate) = self.estimates.first_mut() else { return false };
-        let covariance = estimate.covariance.propagate(&moved, &(), &moved.transition, &moved.noise);
-        let finite = State::<f64, N>::is_finite(&moved.state) && covariance.is_finite();
-        if finite {
-            *estimate = Estimate { state: moved.state, covariance };
-        }
-        finite
-    }
-
-    fn attempt(&mut self, given: &Given<'_>) -> (Vec<f64>, f64) {
-        let Some(prior) = self.estimates.first() else { return (Vec::new(), f64::NAN) };
-        let options = given.settings.options::<N>();
-        let columns = <[f64; N] as State<f64, N>>::COLUMNS;
-        let mut rows = Rows::new(columns, self.vector(given.offset), 0.0, prior.covariance);
-        let used = core::array::from_fn(|i| i < self.n);
-        for (innovation, row) in given.innovation.iter().zip(given.jacobian.chunks(self.n.max(1))) {
-            rows.absorb(*innovation, &self.vector(row), &used);
-        }
-        let mut delta = rows.delta;
-        if let Some(considered) = &options.consider {
-            for i in 0..N {
-                if considered[i] {
-                    delta[i] = 0.0;
-                }
-            }
-        }
-        let covariance = with_consider(&rows.covariance, &prior.covariance, &options);
-        self.attempt = Some(Estimate { state: prior.state.inject(&delta), covariance });
-        (delta.iter().take(self.n).copied().collect(), rows.nis)
-    }
-
-    fn commit(&mut self) -> bool {
-        let (Some(attempt), Some(estimate)) = (self.attempt.take(), self.estimates.first_mut()) else {
-            return false;
-        };
-        let finite = State::<f64, N>::is_finite(&attempt.state) && attempt.covariance.is_finite();
-        if finite {
-            *estimate = attempt;
-        }
-        finite
-    }
-
-    fn duplicate(&self) -> Self {
-        Self { n: self.n, estimates: self.estimates.clone(), attempt: None }
-    }
-}
-
-/// A step whose outcome is known.
-struct Moved<const N: usize> {
-    state: [f64; N],
-    transition: [[f64; N]; N],
-    noise: [[f64; N]; N],
-}
-
-impl<const N: usize> DynamicsModel<f64, N> for Moved<N> {
-    const NAME: &'static str = "given";
-    type State = [f64; N];
-    type Control = ();
-    type Step = ();
-
-    fn prepare(&self, _time: f64, _dt: f64) {}
-
-    fn propagate(&self, _step: &(), _state: &[f64; N], _control: ()) -> [f64; N] {
-        self.state
-    }
-
-    fn transition(&self, _step: &(), _state: &[f64; N], _control: ()) -> ([f64; N], [[f64; N]; N]) {
-        (self.state, self.transition)
-    }
-
-    fn process_noise(&self, _step: &(), _state: &[f64; N]) -> [[f64; N]; N] {
-        self.noise
-    }
-}
-
 macro_rules! by_core {
     () => {
         fn count(&self) -> usize {
-            self.core.estimates.len()
+            self.core.count()
         }
         fn states(&self) -> Vec<f64> {
             self.core.states()
@@ -276,8 +135,11 @@ macro_rules! by_core {
         fn stored(&self) -> Vec<f64> {
             self.core.stored()
         }
-        fn set(&mut self, state: &[f64], matrices: &[f64], stored: bool) {
-            self.core.set(state, matrices, stored);
+        fn matrix(&self, estimate: &[f64]) -> Vec<f64> {
+            self.core.matrix(estimate)
+        }
+        fn set(&mut self, states: &[f64], matrices: &[f64], stored: bool) {
+            self.core.set(states, matrices, stored);
         }
         fn predict_given(&mut self, state: &[f64], transition: &[f64], noise: &[f64]) -> bool {
             self.core.predict_given(state, transition, noise)
@@ -299,6 +161,10 @@ pub struct Foreign<F: Form, const N: usize> {
 impl<F: Form, const N: usize> Engine for Foreign<F, N> {
     by_core!();
 
+    fn lanes(&self, _runs: usize) -> usize {
+        1
+    }
+
     fn step(&mut self, _: f64, _: f64, _: [f64; 3], _: Option<Look<'_>>) -> Result<Option<Seen>, Failure> {
         Err(Failure::NotListed)
     }
@@ -312,26 +178,29 @@ impl<F: Form, const N: usize> Engine for Foreign<F, N> {
     }
 
     fn duplicate(&self) -> Box<dyn Engine> {
-        Box::new(Self { core: self.core.duplicate() })
+        Box::new(Self { core: self.core.clone() })
     }
 }
 
 /// A listed model.
 pub struct Listed<D: Widths<N>, F: Form, const N: usize> {
-    pub core: Core<F, N>,
-    pub dynamics: D,
+    core: Core<F, N>,
+    dynamics: D,
     /// The last step prepared: when it started, how long it was.
     prepared: Option<(f64, f64, D::Step)>,
+    /// Room for the estimate under way and its answers, reused from step to step.
+    next: Vec<f64>,
+    answers: Vec<f64>,
 }
 
 impl<D: Widths<N>, F: Form, const N: usize> Listed<D, F, N> {
+    /// Without estimates yet.
     pub fn new(core: Core<F, N>, dynamics: D) -> Self {
-        Self { core, dynamics, prepared: None }
+        Self { core, dynamics, prepared: None, next: Vec::new(), answers: Vec::new() }
     }
 
     /// The step, prepared unless it is the last one again.
     fn prepare(&mut self, start: f64, dt: f64) -> D::Step {
-        let model = self.dynamics.of::<f64>();
         let varying = <D::Of<f64> as DynamicsModel<f64, N>>::TIME_VARYING;
         if let Some((from, length, step)) = self.prepared
             && length == dt
@@ -339,14 +208,63 @@ impl<D: Widths<N>, F: Form, const N: usize> Listed<D, F, N> {
         {
             return step;
         }
-        let step = model.prepare(start, dt);
+        let step = self.dynamics.of::<f64>().prepare(start, dt);
         self.prepared = Some((start, dt, step));
         step
     }
+
+    /// Looks with the estimate under way.
+    fn look(&mut self, look: &Look<'_>) -> Result<Seen, ModelError> {
+        let rows = look.source.rows;
+        let mut prior = (self.next[..N].to_vec(), Vec::new());
+        prior.1 = self.core.matrix(&self.next);
+        let mut innovation = vec![0.0; rows];
+        self.answers.resize(2 + rows, 0.0);
+        let mut rejected = [0.0];
+        dispatch::one(Observe {
+            source: look.source,
+            z: Series::constant(look.z),
+            dcm: Series::constant(look.dcm.as_flattened()),
+            bound: look.bound,
+            relock_after: f64::INFINITY,
+            options: &look.settings.options::<N>(),
+            epoch: 0,
+            runs: Runs { first: 0, last: 0 },
+            estimates: &mut self.next,
+            rejected: &mut rejected,
+            answers: Answers { stride: 2 + rows, nis: 0, accepted: 1, innovation: 2 },
+            out: &mut self.answers,
+            form: PhantomData::<F>,
+        })?;
+        innovation.copy_from_slice(&self.answers[2..]);
+        Ok(Seen { prior, innovation, nis: self.answers[0], accepted: self.answers[1] != 0.0 })
+    }
+
+    /// Runs a task over stretches of `data` and the estimates that go with them, on all cores if it is worth it.
+    fn share<'a>(
+        steps: usize,
+        work: impl Iterator<Item = (usize, (&'a mut [f64], &'a mut [f64]))> + Send,
+        each: impl Fn((usize, (&'a mut [f64], &'a mut [f64]))) + Sync,
+    ) {
+        if steps < SERIAL {
+            work.for_each(each);
+        } else {
+            share_out(work, each);
+        }
+    }
 }
+
+/// Runs that a thread takes at a time: their estimates stay in the first cache.
+const CHUNK: usize = 32;
+/// Steps in all below which threads cost more than they save.
+const SERIAL: usize = 4000;
 
 impl<D: Widths<N>, F: Form, const N: usize> Engine for Listed<D, F, N> {
     by_core!();
+
+    fn lanes(&self, runs: usize) -> usize {
+        if D::LANES && F::LANES && runs > 1 { dispatch::lanes() } else { 1 }
+    }
 
     fn step(
         &mut self,
@@ -355,30 +273,34 @@ impl<D: Widths<N>, F: Form, const N: usize> Engine for Listed<D, F, N> {
         control: [f64; 3],
         look: Option<Look<'_>>,
     ) -> Result<Option<Seen>, Failure> {
-        let step = (dt != 0.0).then(|| self.prepare(start, dt));
-        let Some(prior) = self.core.estimates.first() else { return Ok(None) };
-        let mut innovation = vec![0.0; look.as_ref().map_or(0, |look| look.source.rows)];
-        let single = Single::<'_, D, F, N> {
-            dynamics: &self.dynamics,
-            step: step.as_ref(),
-            control,
-            prior,
-            look: look.as_ref(),
-            innovation: &mut innovation,
-        };
-        let (predicted, taken) = dispatch::narrow(single);
-        if !(State::<f64, N>::is_finite(&predicted.state) && predicted.covariance.is_finite()) {
-            return Err(Failure::Prediction);
+        self.next.clone_from(&self.core.estimates);
+        if dt != 0.0 {
+            let step = self.prepare(start, dt);
+            dispatch::one(Predict {
+                dynamics: &self.dynamics,
+                step: &step,
+                controls: Some(Series::constant(&control)),
+                epoch: 0,
+                runs: Runs { first: 0, last: 0 },
+                estimates: &mut self.next,
+                form: PhantomData::<F>,
+            });
+            if !Core::<F, N>::sound(&self.next) {
+                return Err(Failure::Prediction);
+            }
         }
-        let Some(taken) = taken else {
-            self.core.estimates[0] = predicted;
-            return Ok(None);
+        let seen = match look {
+            Some(look) => {
+                let seen = self.look(&look).map_err(Failure::Undefined)?;
+                if !seen.nis.is_finite() && look.z.iter().all(|value| value.is_finite()) {
+                    return Err(Failure::Update);
+                }
+                Some(seen)
+            }
+            None => None,
         };
-        let taken = taken.map_err(Failure::Undefined)?;
-        let prior = (predicted.state.to_vec(), predicted.covariance.matrix().as_flattened().to_vec());
-        self.core.estimates[0] = taken.estimate;
-        let (nis, dof, accepted) = (taken.nis, taken.dof, taken.accepted);
-        Ok(Some(Seen { prior, innovation, nis, dof, accepted }))
+        core::mem::swap(&mut self.core.estimates, &mut self.next);
+        Ok(seen)
     }
 
     fn arcs(
@@ -387,68 +309,64 @@ impl<D: Widths<N>, F: Form, const N: usize> Engine for Listed<D, F, N> {
         layout: &Layout,
         keep: bool,
     ) -> Result<(Vec<f64>, Vec<f64>), Failure> {
-        let groups = plan.runs.div_ceil(plan.lanes.max(1));
-        let block = layout.entries() * plan.steps.len() * plan.lanes;
+        let (lanes, size) = (plan.lanes.max(1), entries(N));
+        let groups = plan.runs.div_ceil(lanes);
+        let block = layout.entries() * plan.steps.len() * lanes;
         let mut data = vec![0.0; groups * block];
-        let start = |run: usize| self.core.estimates[if self.core.estimates.len() == 1 { 0 } else { run }];
-        let first = if keep { plan.runs } else { 0 };
-        let mut ends: Vec<End<F, N>> =
-            (0..first).map(|run| End { estimate: start(run), rejected: Vec::new() }).collect();
-        // Chunks of whole groups; a group is enough work for a thread unless the arc is short.
-        let size = (CHUNK / plan.lanes.max(1)).max(1);
-        let ends_of = if keep { size * plan.lanes } else { 1 };
-        let mut end_chunks = ends.chunks_mut(ends_of);
-        let work = data.chunks_mut((size * block).max(1)).enumerate().map(|(k, out)| {
-            let ends = end_chunks.next().unwrap_or_default();
-            (k * size * plan.lanes, out, ends)
-        });
-        let starts = &self.core.estimates;
-        let each = |(first, out, ends): (usize, &mut [f64], &mut [End<F, N>])| {
-            let dynamics = &self.dynamics;
-            dispatch::wide(Arcs::<'_, D, F, N> { dynamics, plan, layout, starts, first, out, ends });
+        let mut estimates = vec![0.0; groups * size * lanes];
+        let held = self.core.count();
+        let from = |slot: usize| {
+            let run = (slot / (size * lanes) * lanes + slot % lanes).min(plan.runs - 1);
+            let entry = slot / lanes % size;
+            (if held == 1 { 0 } else { run }) * size + entry
         };
-        if plan.runs * plan.steps.len() < SERIAL {
-            work.for_each(each);
-        } else {
-            share_out(work, each);
+        for (slot, value) in estimates.iter_mut().enumerate() {
+            *value = self.core.estimates[from(slot)];
         }
-        let rejected = ends.iter().flat_map(|end| end.rejected.iter().copied()).collect();
+        let steps = Steps::new(&self.dynamics, &plan.steps, &plan.starts);
+        let chunk = (CHUNK / lanes).max(1);
+        let stretches =
+            data.chunks_mut((chunk * block).max(1)).zip(estimates.chunks_mut(chunk * size * lanes));
+        let rejected = std::sync::Mutex::new(Vec::new());
+        Self::share(plan.runs * plan.steps.len(), stretches.enumerate(), |(index, (out, estimates))| {
+            let (dynamics, steps, first) = (&self.dynamics, &steps, index * chunk * lanes);
+            let counts = Arcs { dynamics, steps, plan, layout, first, estimates, out }.travel::<F>();
+            if index == 0
+                && let Ok(mut rejected) = rejected.lock()
+            {
+                *rejected =
+                    counts.iter().map(|of_sensor| of_sensor.first().copied().unwrap_or(0.0)).collect();
+            }
+        });
         if keep {
-            self.core.estimates = ends.into_iter().map(|end| end.estimate).collect();
+            for (slot, value) in estimates.iter().enumerate() {
+                self.core.estimates[from(slot)] = *value;
+            }
         }
-        Ok((data, rejected))
+        Ok((data, rejected.into_inner().unwrap_or_default()))
     }
 
     fn smooth(&self, record: &ArcRecord) -> Vec<f64> {
         let mut data = record.data.clone();
         let block = record.layout.entries() * record.epochs * record.lanes;
-        let work = data.chunks_mut(block.max(1)).enumerate();
-        let each = |(group, data): (usize, &mut [f64])| {
-            dispatch::wide(Backward::<'_, D, N> {
+        let work = data.chunks_mut(block.max(1)).map(|data| (data, &mut [][..])).enumerate();
+        Self::share(record.runs * record.epochs, work, |(group, (data, _))| {
+            let backward = Backward::<'_, D, F, N> {
                 dynamics: &self.dynamics,
                 passage: &record.passage,
                 layout: &record.layout,
-                lanes: record.lanes,
-                runs: record.runs,
-                first: group * record.lanes,
+                runs: Runs { first: group * record.lanes, last: record.runs - 1 },
                 data,
-            });
-        };
-        if record.runs * record.epochs < SERIAL {
-            work.for_each(each);
-        } else {
-            share_out(work, each);
-        }
+                form: PhantomData,
+            };
+            in_lanes::<_, D, F, N>(record.lanes, backward);
+        });
         data
     }
 
     fn duplicate(&self) -> Box<dyn Engine> {
-        let (core, dynamics) = (self.core.duplicate(), self.dynamics.clone());
-        Box::new(Self { core, dynamics, prepared: self.prepared })
+        let mut copy = Self::new(self.core.clone(), self.dynamics.clone());
+        copy.prepared = self.prepared;
+        Box::new(copy)
     }
 }
-
-/// Runs that a thread takes at a time.
-const CHUNK: usize = 64;
-/// Steps in all below which threads cost more than they save.
-const SERIAL: usize = 4000;

@@ -1,28 +1,36 @@
 //! What of the core comes in every width: a covariance form and a dynamics model, for any lanes.
-use losnav_core::estimators::kalman::{Covariance, Joseph, Matrix, Ud};
+use losnav_core::estimators::kalman::{Covariance, Joseph, Ud};
 use losnav_core::math::real::Real;
 use losnav_core::models::dynamics::{ClohessyWiltshire, DynamicsModel, TwoBody};
 
 /// A covariance form, for any scalar and size.
-pub trait Form: Send + Sync + 'static {
+pub trait Form: Clone + Send + Sync + 'static {
+    /// Are arcs side by side worth their code?
+    const LANES: bool;
     /// The form of that scalar and size.
     type Of<T: Real, const N: usize>: Covariance<T, N>;
 }
 
 /// [`Joseph`].
+#[derive(Clone)]
 pub struct JosephForm;
 /// [`Ud`].
+#[derive(Clone)]
 pub struct UdForm;
 
 impl Form for JosephForm {
+    const LANES: bool = true;
     type Of<T: Real, const N: usize> = Joseph<T, N>;
 }
 impl Form for UdForm {
+    const LANES: bool = false;
     type Of<T: Real, const N: usize> = Ud<T, N>;
 }
 
 /// A model of an array-valued state under an acceleration, for any scalar.
 pub trait Widths<const N: usize>: Clone + Send + Sync + 'static {
+    /// Are arcs side by side worth their code?  Not if their steps are chosen along the way.
+    const LANES: bool;
     /// What a step needs whatever the state.
     type Step: Copy + Send + Sync;
     /// The model of that scalar.
@@ -34,6 +42,7 @@ pub trait Widths<const N: usize>: Clone + Send + Sync + 'static {
 macro_rules! every_width {
     ($($listed:ident: $n:literal),* $(,)?) => {
         $(impl Widths<$n> for $listed {
+            const LANES: bool = matches!(stringify!($listed).as_bytes(), b"ClohessyWiltshire");
             type Step = <$listed as DynamicsModel<f64, $n>>::Step;
             type Of<T: Real> = Self;
             #[inline(always)]
@@ -44,18 +53,3 @@ macro_rules! every_width {
     };
 }
 losnav_core::dynamics! { every_width }
-
-/// The numbers a form is kept in, in other lanes.
-#[inline(always)]
-pub fn convert<A: Real, B: Real, const N: usize>(
-    stored: &Matrix<A, N>,
-    each: impl Fn(A) -> B,
-) -> Matrix<B, N> {
-    let mut out = [[B::zero(); N]; N];
-    for i in 0..N {
-        for j in i..N {
-            out[i][j] = each(stored[i][j]);
-        }
-    }
-    out
-}

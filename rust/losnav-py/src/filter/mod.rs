@@ -3,24 +3,25 @@
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyFloat};
 
+use self::core::{Core, Given};
 use crate::attitude::is_rotation;
 use crate::convert::{self, Floats};
 use crate::dynamics::Parameters;
 use crate::errors::{
     DegenerateGeometryError, InvalidInputError, NumericalError, choice_error, option_error, shape_error,
 };
-use engine::{Core, Engine, Failure, Foreign, Given, Listed, Look, Settings};
+use engine::{Engine, Failure, Foreign, Listed, Look, Settings};
 use family::{Form, JosephForm, UdForm};
 use source::Source;
 
 mod advance;
 mod arcs;
 mod backward;
+mod core;
 mod engine;
 mod family;
 mod plan;
 mod record;
-mod single;
 mod source;
 mod step;
 
@@ -54,6 +55,8 @@ pub struct Filter {
     size: usize,
     /// Does the engine know the model?
     listed: bool,
+    /// Are covariances kept as they are?
+    joseph: bool,
     empty: Py<PyDict>,
     /// Time of the estimate, s.
     #[pyo3(get, set)]
@@ -109,7 +112,19 @@ impl Filter {
         let flags = (!consider.is_empty()).then(|| (0..size).map(|i| consider.contains(&i)).collect());
         let settings = Settings { iterations, underweighting, consider: flags };
         let (slots, listed, empty) = (Vec::new(), name.is_some(), PyDict::new(py).unbind());
-        Ok(Self { engine, settings, consider, gate, relock_after, slots, size, listed, empty, time: 0.0 })
+        Ok(Self {
+            engine,
+            settings,
+            consider,
+            gate,
+            relock_after,
+            slots,
+            size,
+            listed,
+            joseph: form == "joseph",
+            empty,
+            time: 0.0,
+        })
     }
 
     /// States `(count, n)` and covariances, or the numbers they are stored in, `(count, n, n)`.
@@ -201,7 +216,7 @@ impl Filter {
             covariance: seen.prior.1,
             innovation: seen.innovation,
             nis: seen.nis,
-            dof: seen.dof,
+            dof,
             accepted: seen.accepted,
             underweighting: self.settings.underweighting,
             consider: self.consider.clone(),
@@ -420,6 +435,9 @@ fn explain(failure: Failure) -> PyErr {
         Failure::Prediction => NumericalError::new_err(
             "predict: the predicted state or covariance is not finite; the filter is unchanged",
         ),
+        Failure::Update => {
+            NumericalError::new_err("update: the innovation is not finite; the filter is unchanged")
+        }
         Failure::NotListed => InvalidInputError::new_err("dynamics: expected a listed model"),
     }
 }

@@ -2,14 +2,14 @@
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use super::arcs::{Channel, Layout, Plan, Series};
+use super::advance::Series;
+use super::arcs::{Channel, Layout, Plan};
 use super::engine::Passage;
 use super::record::ArcRecord;
 use super::source::Source;
 use super::{Filter, explain, missing_attitude, read_context};
 use crate::attitude::is_rotation;
 use crate::convert::Floats;
-use crate::dispatch;
 use crate::errors::{InvalidInputError, shape_error};
 
 /// An argument with its axes understood.
@@ -187,7 +187,7 @@ pub fn run(
     }
     agree(&mut runs, "controls", control_axes.as_ref().and_then(|axes| axes.runs))?;
     let count = runs.unwrap_or(1);
-    let lanes = if count == 1 { 1 } else { dispatch::lanes() };
+    let lanes = filter.engine.lanes(count);
     let layout =
         Layout { size: filter.size, rows: sources.iter().map(|sensed| sensed.source.rows).collect() };
     let channels = sources.iter().map(|sensed| Channel {
@@ -207,9 +207,7 @@ pub fn run(
         dcm: axes.series(dcm.as_ref().map_or(&IDENTITY, |dcm| dcm.data())),
         channels: channels.collect(),
         relock_after: filter.relock_after,
-        iterations: filter.settings.iterations,
-        underweighting: filter.settings.underweighting,
-        consider: filter.settings.consider.clone(),
+        settings: &filter.settings,
         lanes,
     };
     // A filter with a state for every run ends where the runs end; one state for many runs stays where it is.
@@ -238,6 +236,7 @@ pub fn run(
     let freedom = sources.iter().map(|sensed| sensed.source.dof).collect();
     Ok(Some(ArcRecord {
         freedom,
+        plain: filter.joseph,
         data,
         layout,
         runs: count,

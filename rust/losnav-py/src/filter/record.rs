@@ -16,6 +16,8 @@ pub struct ArcRecord {
     pub lanes: usize,
     /// Degrees of freedom of each sensor.
     pub freedom: Vec<usize>,
+    /// Do covariances stand in it as they are, not in the form of the filter?
+    pub plain: bool,
     /// Is there an axis for the runs?
     pub batch: bool,
     /// What it takes to go back over the arcs.
@@ -39,12 +41,21 @@ impl ArcRecord {
         size: usize,
         each: impl Fn(usize, usize, usize) -> T + Sync,
     ) -> Vec<T> {
-        let mut out = vec![T::default(); self.runs * self.epochs * size];
-        let fill = |(row, values): (usize, &mut [T])| {
+        self.rows_of(size, |run, epoch, values| {
             for (k, value) in values.iter_mut().enumerate() {
-                *value = each(row / self.epochs, row % self.epochs, k);
+                *value = each(run, epoch, k);
             }
-        };
+        })
+    }
+
+    /// `(runs, T, …)`, row by row.
+    fn rows_of<T: Copy + Default + Send>(
+        &self,
+        size: usize,
+        each: impl Fn(usize, usize, &mut [T]) + Sync,
+    ) -> Vec<T> {
+        let mut out = vec![T::default(); self.runs * self.epochs * size];
+        let fill = |(row, values): (usize, &mut [T])| each(row / self.epochs, row % self.epochs, values);
         if out.len() < SERIAL {
             out.chunks_mut(size.max(1)).enumerate().for_each(fill);
         } else {
@@ -85,12 +96,21 @@ impl ArcRecord {
     /// `(..., T, N, N)`.
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let n = self.layout.size;
-        let entry = |k: usize| {
-            let (i, j) = (k / n, k % n);
-            let (i, j) = (i.min(j), i.max(j));
-            self.layout.covariance() + i * n - i * (i + 1) / 2 + j
+        let whole = |run: usize, epoch: usize, out: &mut [f64]| {
+            if self.plain {
+                for i in 0..n {
+                    for j in i..n {
+                        let at = self.layout.covariance() + i * n - i * (i + 1) / 2 + j;
+                        out[i * n + j] = self.at(run, epoch, at);
+                        out[j * n + i] = out[i * n + j];
+                    }
+                }
+            } else {
+                let stored: Vec<f64> = (0..self.layout.nis()).map(|k| self.at(run, epoch, k)).collect();
+                out.copy_from_slice(&self.engine.matrix(&stored));
+            }
         };
-        let data = py.detach(|| self.collect(n * n, |run, epoch, k| self.at(run, epoch, entry(k))));
+        let data = py.detach(|| self.rows_of(n * n, whole));
         convert::array(py, &self.shape(&[n, n]), data)
     }
 
@@ -125,6 +145,7 @@ impl ArcRecord {
             epochs: self.epochs,
             lanes: self.lanes,
             freedom: self.freedom.clone(),
+            plain: true,
             batch: self.batch,
             engine: self.engine.duplicate(),
             passage: self.passage.clone(),

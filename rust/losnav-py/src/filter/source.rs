@@ -117,6 +117,8 @@ impl Measured for RangeRate<f64> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Source {
     name: &'static str,
+    /// Place in the list of sensors.
+    place: usize,
     fields: Vec<Vec<f64>>,
     /// Numbers in a measurement.
     pub rows: usize,
@@ -136,22 +138,28 @@ impl Source {
         let class = class.name()?;
         let class = class.to_cow()?;
         macro_rules! choose {
-            ($($listed:ident),* $(,)?) => {
-                $(if class == <$listed<f64> as SensorModel<f64>>::NAME {
-                    return Self::of::<$listed<f64>>(<$listed<f64> as SensorModel<f64>>::NAME, sensor).map(Some);
-                })*
-            };
+            ($($listed:ident),* $(,)?) => {{
+                let mut place = 0;
+                $(
+                    let name = <$listed<f64> as SensorModel<f64>>::NAME;
+                    if class == name {
+                        return Self::of::<$listed<f64>>(name, place, sensor).map(Some);
+                    }
+                    place += 1;
+                )*
+                let _ = place;
+            }};
         }
         losnav_core::sensors! { choose }
         Ok(None)
     }
 
-    fn of<M: Measured>(name: &'static str, sensor: &Bound<'_, PyAny>) -> PyResult<Self> {
+    fn of<M: Measured>(name: &'static str, place: usize, sensor: &Bound<'_, PyAny>) -> PyResult<Self> {
         let field =
             |attribute: &&str| Ok(Floats::new(&sensor.getattr(*attribute)?, attribute)?.data().to_vec());
         let fields = M::FIELDS.iter().map(field).collect::<PyResult<Vec<_>>>()?;
         let (rows, dof) = M::size(&fields);
-        Ok(Self { name, fields, rows, dof, needs_attitude: M::NEEDS_ATTITUDE })
+        Ok(Self { name, place, fields, rows, dof, needs_attitude: M::NEEDS_ATTITUDE })
     }
 
     /// The same sensor with other landmarks.
@@ -181,11 +189,16 @@ impl Source {
     #[inline(always)]
     pub fn show<V: Lanes>(&self, z: &[V], law: &mut impl Law<V>) {
         macro_rules! choose {
-            ($($listed:ident),* $(,)?) => {
-                $(if self.name == <$listed<f64> as SensorModel<f64>>::NAME {
-                    return <$listed<f64> as Measured>::show(&self.fields, z, law);
-                })*
-            };
+            ($($listed:ident),* $(,)?) => {{
+                let mut place = 0;
+                $(
+                    if self.place == place {
+                        return <$listed<f64> as Measured>::show(&self.fields, z, law);
+                    }
+                    place += 1;
+                )*
+                let _ = place;
+            }};
         }
         losnav_core::sensors! { choose }
     }
