@@ -36,6 +36,10 @@ NOISE_FREE_METRES = 1e-6
 # Reference optimum of real cameras, rad, and relative covariance, as four other programs agree on them.
 REAL_CAMERA_RAD = 1e-9
 REAL_CAMERA_COVARIANCE = 1e-6
+# Attitude of real photographs from the stars another program used, arcsec, and the relative variance: that
+# program scales its covariance by rounded residuals.
+REAL_STARS_ARCSEC = 0.05
+REAL_STARS_COVARIANCE = 0.02
 # Probability outside the two-sided band of a statistical test.
 BAND = 1e-3
 

@@ -19,6 +19,7 @@ MADE = {
     "landmarks.csv",
     "observations.csv",
     "mismatched.csv",
+    "misnamed.csv",
     "claims.json",
     "claims.txt",
     "report.json",

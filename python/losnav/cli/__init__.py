@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from concurrent.futures import BrokenExecutor
 from typing import NoReturn
 
-from losnav.cli import bench, scenario_commands, solve_pose
+from losnav.cli import bench, scenario_commands, solve_attitude, solve_pose
 from losnav.errors import LosnavError
 
 __all__ = ["main"]
@@ -102,5 +102,6 @@ def _build_parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
     scenario_commands.add_commands(commands)
     solve_pose.add_command(commands)
+    solve_attitude.add_command(commands)
     bench.add_command(commands)
     return parser

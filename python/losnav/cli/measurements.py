@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from losnav import noise
 from losnav.errors import InvalidInputError
 
-__all__ = ["Camera", "Observations", "read_landmarks", "read_observations"]
+__all__ = ["Camera", "Observations", "is_number", "read_landmarks", "read_lines", "read_observations"]
 
 Array = NDArray[np.float64]
 
@@ -75,11 +75,15 @@ class Camera:
         Principal point, px.
     distortion : (k1, k2)
         Radial coefficients in normalised coordinates.
+    undistortion : (k1, k2)
+        Coefficients of the inverse model of plate solvers, ``[x, y] = [x_d, y_d] (1 + k1 r_d² + k2 r_d⁴)``;
+        at most one of the two models.
     """
 
     focal: tuple[float, float]
     centre: tuple[float, float] = (0.0, 0.0)
     distortion: tuple[float, float] = (0.0, 0.0)
+    undistortion: tuple[float, float] = (0.0, 0.0)
 
     def los(self, observations: Observations) -> Array:
         """Unit vectors in camera axes of all pixels, (N, 3).
@@ -113,6 +117,11 @@ class Camera:
     def _undistorted(self, radius: float) -> float | None:
         """Ratio r/r_d that undoes the distortion at distorted radius r_d, by Newton's method; None where it
         folds."""
+        if self.undistortion != (0.0, 0.0):
+            square = radius * radius
+            scale = 1 + self.undistortion[0] * square + self.undistortion[1] * square * square
+            slope = 1 + 3 * self.undistortion[0] * square + 5 * self.undistortion[1] * square * square
+            return scale if slope > 0 and 0 < scale < math.inf else None
         if radius == 0.0 or self.distortion == (0.0, 0.0):
             return 1.0
         k1, k2 = self.distortion
@@ -172,7 +181,14 @@ def read_observations(path: Path) -> Observations:
     return Observations(tuple(row.id for row in rows), values, tuple(row.place for row in rows))
 
 
-def _read(path: Path, layouts: tuple[tuple[str, ...], ...]) -> list[Row]:
+def read_lines(path: Path, wanted: str) -> list[tuple[int, list[str]]]:
+    """Line numbers and stripped cells of a CSV file, without comments and empty lines.
+
+    Raises
+    ------
+    InvalidInputError
+        If the file cannot be read or holds no line; the message says what was ``wanted``.
+    """
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
             lines = [(number, _cells(cells)) for number, cells in enumerate(csv.reader(file), start=1)]
@@ -180,9 +196,14 @@ def _read(path: Path, layouts: tuple[tuple[str, ...], ...]) -> list[Row]:
         reason = getattr(error, "strerror", None) or str(error)
         raise InvalidInputError(f"{path}: expected a readable CSV file, got: {reason}") from None
     lines = [(number, cells) for number, cells in lines if any(cells)]
-    wanted = " or ".join(", ".join(("id", *layout)) for layout in layouts)
     if not lines:
         raise InvalidInputError(f"{path}: expected lines {wanted}, got none")
+    return lines
+
+
+def _read(path: Path, layouts: tuple[tuple[str, ...], ...]) -> list[Row]:
+    wanted = " or ".join(", ".join(("id", *layout)) for layout in layouts)
+    lines = read_lines(path, wanted)
     columns, header = _columns(f"{path}:{lines[0][0]}", lines[0][1], layouts, wanted)
     rows, seen = [], dict[str, str]()
     for number, cells in lines[header:]:
@@ -214,7 +235,7 @@ def _columns(
 ) -> tuple[tuple[int, ...] | int, int]:
     """Where the columns are, from a header (indices) or from the first data line (their count); and the lines
     taken."""
-    if all(_is_number(cell) for cell in cells[1:]) and len(cells) > 1:
+    if all(is_number(cell) for cell in cells[1:]) and len(cells) > 1:
         if len(cells) - 1 not in {len(layout) for layout in layouts}:
             raise InvalidInputError(f"{place}: expected columns {wanted}, got {len(cells)} of them")
         return len(cells), 0
@@ -240,12 +261,13 @@ def _row(place: str, cells: list[str], columns: tuple[int, ...] | int, wanted: s
     if not identifier:
         raise InvalidInputError(f"{place}: expected an id, got an empty one")
     for text in texts:
-        if not (_is_number(text) and math.isfinite(float(text))):
+        if not (is_number(text) and math.isfinite(float(text))):
             raise InvalidInputError(f"{place}: expected finite numbers for {identifier!r}, got {text!r}")
     return Row(identifier, tuple(float(text) for text in texts), place)
 
 
-def _is_number(text: str) -> bool:
+def is_number(text: str) -> bool:
+    """Whether a cell is a number (finite or not)."""
     try:
         float(text)
     except ValueError:

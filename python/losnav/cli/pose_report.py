@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import losnav as ln
-from losnav.consistency import chi2_quantile, chi2_sf
+from losnav.cli.fit_report import finite, fit_text, listed, number, p_value, suspects
 
 if TYPE_CHECKING:
     from losnav.cli.solve_pose import Problem
@@ -17,10 +17,6 @@ __all__ = ["report_json", "report_text"]
 
 Array = NDArray[np.float64]
 
-# Two-sided: a right model fails one fit in 500.
-_DOUBT = 1e-3
-# Chance that a fit of right measurements names any of them suspicious.
-_FALSE_ALARM = 1e-3
 _LISTED = 12
 _FULL_RANK = 6
 
@@ -37,17 +33,17 @@ def report_json(problem: Problem, solution: ln.PoseSolution, inliers: NDArray[np
         "converged": bool(solution.converged) and geometry["rank"] == _FULL_RANK,
         "termination": ln.Termination(int(solution.termination)).name.lower().replace("_", "-"),
         "iterations": int(solution.iterations),
-        "position_m": _list(solution.position),
-        "quaternion_xyzw": _list(solution.quaternion),
-        "mrp": _list(solution.mrp),
-        "dcm": [_list(row) for row in solution.dcm],
-        "sigma_position_m": _list(sigma[:3]),
-        "sigma_attitude_deg": _list(np.degrees(sigma[3:])),
-        "covariance": [_list(row) for row in covariance],
+        "position_m": listed(solution.position),
+        "quaternion_xyzw": listed(solution.quaternion),
+        "mrp": listed(solution.mrp),
+        "dcm": [listed(row) for row in solution.dcm],
+        "sigma_position_m": listed(sigma[:3]),
+        "sigma_attitude_deg": listed(np.degrees(sigma[3:])),
+        "covariance": [listed(row) for row in covariance],
         "sigma_los_rad": scale,
-        "chi2": _finite(solution.chi2) if problem.noise else None,
+        "chi2": finite(solution.chi2) if problem.noise else None,
         "dof": int(solution.dof),
-        "p_value": _finite(_p_value(solution)) if problem.noise else None,
+        "p_value": finite(p_value(float(solution.chi2), int(solution.dof))) if problem.noise else None,
         "fit": _fit(problem, solution, scale, not inliers.all()),
         "observations": len(problem.ids),
         "unobserved_landmarks": problem.unobserved,
@@ -57,9 +53,9 @@ def report_json(problem: Problem, solution: ln.PoseSolution, inliers: NDArray[np
         "weakest": _weakest(problem, covariance),
         "alternatives": [
             {
-                "position_m": _list(other.position),
-                "quaternion_xyzw": _list(other.quaternion),
-                "chi2": _finite(other.chi2),
+                "position_m": listed(other.position),
+                "quaternion_xyzw": listed(other.quaternion),
+                "chi2": finite(other.chi2),
             }
             for other in solution.alternatives
         ],
@@ -76,11 +72,11 @@ def report_text(facts: dict[str, Any]) -> str:
     axes = "camera axes: x right, y down, z forward"
     lines.append(f"pose from {used} of {facts['observations']} observations ({axes})")
     for name, value, sigma in zip("xyz", facts["position_m"], facts["sigma_position_m"], strict=True):
-        lines.append(f"  {name}          {_number(value):>16} m     1-sigma {_number(sigma, '.3g')} m")
-    quaternion = ", ".join(_number(v, ".9f") for v in facts["quaternion_xyzw"])
+        lines.append(f"  {name}          {number(value):>16} m     1-sigma {number(sigma, '.3g')} m")
+    quaternion = ", ".join(number(v, ".9f") for v in facts["quaternion_xyzw"])
     lines.append(f"  quaternion [{quaternion}]  (x, y, z, w; camera from landmark frame)")
-    lines.append(f"  MRP        [{', '.join(_number(v, '.9f') for v in facts['mrp'])}]")
-    sigmas = ", ".join(_number(v, ".3g") for v in facts["sigma_attitude_deg"])
+    lines.append(f"  MRP        [{', '.join(number(v, '.9f') for v in facts['mrp'])}]")
+    sigmas = ", ".join(number(v, ".3g") for v in facts["sigma_attitude_deg"])
     lines.append(f"  attitude   1-sigma {sigmas} deg about camera x, y, z")
     lines.append(f"fit: {facts['fit']}")
     if facts["rejected"]:
@@ -94,9 +90,9 @@ def report_text(facts: dict[str, Any]) -> str:
         lines[-1] += f"; danger cylinder {geometry['danger_cylinder_distance_m']:.3g} m away"
     lines.append(f"weakest: {facts['weakest']}")
     for other in facts["alternatives"]:
-        place = ", ".join(_number(v) for v in other["position_m"])
+        place = ", ".join(number(v) for v in other["position_m"])
         lines.append(
-            f"another pose fits comparably: position ({place}) m, chi2 {_number(other['chi2'], '.4g')}"
+            f"another pose fits comparably: position ({place}) m, chi2 {number(other['chi2'], '.4g')}"
         )
     return "\n".join(lines)
 
@@ -114,10 +110,10 @@ def _geometry(problem: Problem, solution: ln.PoseSolution, inliers: NDArray[np.b
         seen = ln.pose_observability(marks, marks.mean(axis=0) + spread * np.array([0.9, 1.3, 2.1]))
     return {
         "rank": int(seen.rank),
-        "degree": _finite(seen.degree),
+        "degree": finite(seen.degree),
         "diagnosis": str(seen.diagnosis),
         "explanation": seen.explanation,
-        "danger_cylinder_distance_m": _finite(seen.danger_cylinder_distance),
+        "danger_cylinder_distance_m": finite(seen.danger_cylinder_distance),
     }
 
 
@@ -131,11 +127,6 @@ def _covariance(problem: Problem, solution: ln.PoseSolution) -> tuple[Array, flo
         return np.full((6, 6), np.nan), None
     variance = float(solution.chi2) / int(solution.dof)
     return covariance * variance, float(np.sqrt(variance))
-
-
-def _p_value(solution: ln.PoseSolution) -> float:
-    dof = int(solution.dof)
-    return float(chi2_sf(float(solution.chi2), dof)) if dof > 0 and np.isfinite(solution.chi2) else np.nan
 
 
 def _fit(problem: Problem, solution: ln.PoseSolution, scale: float | None, rejecting: bool) -> str:
@@ -157,21 +148,7 @@ def _fit(problem: Problem, solution: ln.PoseSolution, scale: float | None, rejec
             f"chi2 {chi2:.4g} for 0 degrees of freedom: three observations are always met exactly and "
             "cannot be checked"
         )
-    p = _p_value(solution)
-    odds = f"p = {p:.2g}" if p >= 1e-99 else "p < 1e-99"
-    head = f"chi2 {chi2:.4g} for {dof} degrees of freedom, {odds}"
-    ratio = np.sqrt(chi2 / dof)
-    if p < _DOUBT:
-        cause = "wrong matches left" if rejecting else "wrong matches (try --robust)"
-        return (
-            f"{head}: residuals {ratio:.3g} times larger than sigma allows, do not trust the 1-sigma above; "
-            f"sigma too small, or {cause}"
-        )
-    if p > 1 - _DOUBT:
-        return (
-            f"{head}: residuals {ratio:.2g} times sigma; sigma, and the 1-sigma above, are probably too large"
-        )
-    return f"{head}: consistent with sigma"
+    return fit_text(chi2, dof, "wrong matches", rejecting)
 
 
 def _suspicious(
@@ -187,13 +164,7 @@ def _suspicious(
         )
     else:
         square = np.sum(residual**2, axis=1) / problem.noise["sigma"] ** 2
-    limit = float(chi2_quantile(1 - _FALSE_ALARM / len(square), 2))
-    order = np.argsort(-square)
-    return [
-        {"id": problem.ids[k], "sigmas": float(np.sqrt(square[k]))}
-        for k in order
-        if inliers[k] and square[k] > limit
-    ]
+    return [{"id": problem.ids[k], "sigmas": float(np.sqrt(square[k]))} for k in suspects(square, inliers)]
 
 
 def _weakest(problem: Problem, covariance: Array) -> str:
@@ -222,15 +193,3 @@ def _names(names: list[str]) -> str:
     return ", ".join(names[:_LISTED]) + (
         f", … and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
     )
-
-
-def _list(values: Any) -> list[float | None]:
-    return [_finite(value) for value in np.asarray(values)]
-
-
-def _finite(value: Any) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
-def _number(value: float | None, form: str = ".6f") -> str:
-    return "unknown" if value is None else format(value, form)

@@ -17,7 +17,7 @@ from losnav.cli.measurements import Camera, Observations, read_landmarks, read_o
 from losnav.cli.pose_report import report_json, report_text
 from losnav.errors import InvalidInputError
 
-__all__ = ["add_command"]
+__all__ = ["add_command", "numbers", "positive"]
 
 Array = NDArray[np.float64]
 
@@ -75,22 +75,22 @@ def add_command(commands: Any) -> None:
     )
     command.add_argument("landmarks", type=Path, metavar="LANDMARKS.csv")
     command.add_argument("observations", type=Path, metavar="OBSERVATIONS.csv")
-    command.add_argument("--focal", type=_numbers(1, 2), metavar="F or FX,FY", help="focal length, px")
+    command.add_argument("--focal", type=numbers(1, 2), metavar="F or FX,FY", help="focal length, px")
     command.add_argument(
-        "--principal-point", type=_numbers(2), metavar="CX,CY", help="principal point, px (default 0,0)"
+        "--principal-point", type=numbers(2), metavar="CX,CY", help="principal point, px (default 0,0)"
     )
-    command.add_argument("--distortion", type=_numbers(1, 2), metavar="K1,K2", help="radial distortion")
+    command.add_argument("--distortion", type=numbers(1, 2), metavar="K1,K2", help="radial distortion")
     noise = command.add_mutually_exclusive_group()
     noise.add_argument(
-        "--sigma", type=_positive, metavar="RAD", help="1-sigma of a line of sight per axis, rad"
+        "--sigma", type=positive, metavar="RAD", help="1-sigma of a line of sight per axis, rad"
     )
-    noise.add_argument("--sigma-px", type=_positive, metavar="PX", help="1-sigma of a pixel coordinate, px")
+    noise.add_argument("--sigma-px", type=positive, metavar="PX", help="1-sigma of a pixel coordinate, px")
     command.add_argument(
         "--robust", action="store_true", help="find and reject wrong matches (needs a sigma)"
     )
     command.add_argument(
         "--guess",
-        type=_numbers(6, 7),
+        type=numbers(6, 7),
         metavar="X,Y,Z,...",
         help="first guess: position and MRP (6 numbers) or quaternion x,y,z,w (7); "
         "none is needed, and --robust uses none",
@@ -99,8 +99,10 @@ def add_command(commands: Any) -> None:
     command.set_defaults(command=_solve)
 
 
-def _numbers(*counts: int) -> Any:
-    def numbers(text: str) -> tuple[float, ...]:
+def numbers(*counts: int) -> Any:
+    """A parser of options like ``1,2,3`` with one of these counts of numbers."""
+
+    def parsed(text: str) -> tuple[float, ...]:
         try:
             values = tuple(float(part) for part in text.split(","))
         except ValueError:
@@ -112,10 +114,11 @@ def _numbers(*counts: int) -> Any:
             )
         return values
 
-    return numbers
+    return parsed
 
 
-def _positive(text: str) -> float:
+def positive(text: str) -> float:
+    """Read an option that is a positive number."""
     try:
         value = float(text)
     except ValueError:
