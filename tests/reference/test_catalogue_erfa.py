@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import losnav as ln
-from losnav.star_tracker import ASTRONOMICAL_UNIT, JULIAN_YEAR, SPEED_OF_LIGHT
+from losnav.constants import AU, JULIAN_YEAR, SPEED_OF_LIGHT
 from tests.oracle import star_tracker as oracle
 
 ARCSEC = oracle.ARCSEC
@@ -25,6 +25,11 @@ SAME = 1e-15
 SAME_MOTION = 1e-13
 # The Sun's potential in erfa.ab at 1 au: 2e-8 of the aberration.
 POTENTIAL = 4e-12
+
+
+def test_constants_are_erfas():
+    erfa = pytest.importorskip("erfa", reason="pyerfa is not installed")
+    assert (SPEED_OF_LIGHT, AU, JULIAN_YEAR) == (erfa.CMPS, erfa.DAU, erfa.DJY * erfa.DAYSEC)
 
 
 def test_printed_case_of_aberration():
@@ -46,7 +51,7 @@ def test_printed_case_of_motion():
         parallax=1e-2 * ARCSEC,
         radial_velocity=10e3,
         dt=8.75 * JULIAN_YEAR,
-        observer=ASTRONOMICAL_UNIT * np.array([0.9, 0.4, 0.1]),
+        observer=AU * np.array([0.9, 0.4, 0.1]),
     )
     printed = [0.2328137623960308438, 0.6651097085397855328, 0.7095257765896359837]
     assert np.abs(seen - printed).max() < 1e-12
@@ -85,7 +90,7 @@ def test_motion_is_erfas(rng):
         parallax=parallax * ARCSEC,
         radial_velocity=speed * 1e3,
         dt=years * JULIAN_YEAR,
-        observer=place * ASTRONOMICAL_UNIT,
+        observer=place * AU,
     )
     assert np.abs(seen - expected).max() < SAME_MOTION
 
@@ -116,9 +121,7 @@ def test_size_of_the_effect():
 
 def test_parallax_of_a_star_one_parsec_away():
     """One arcsecond across an observer's displacement of 1 au, against it."""
-    seen = ln.star_tracker.catalogue_directions(
-        0.0, 0.0, parallax=ARCSEC, observer=[0.0, ASTRONOMICAL_UNIT, 0.0]
-    )
+    seen = ln.star_tracker.catalogue_directions(0.0, 0.0, parallax=ARCSEC, observer=[0.0, AU, 0.0])
     assert seen[1] / ARCSEC == pytest.approx(-1, abs=1e-9)
 
 
@@ -129,7 +132,7 @@ def test_catalogue_covariance_is_the_spread_of_catalogues(rng):
     root = np.linalg.qr(rng.standard_normal((5, 5)))[0] @ np.diag(rng.uniform(0.5, 1, 5))
     covariance = deviation[:, None] * (root @ root.T) * deviation
     ra, dec, dt = 1.1, 0.7, 12 * year
-    place = ASTRONOMICAL_UNIT * np.array([0.6, -0.7, 0.3])
+    place = AU * np.array([0.6, -0.7, 0.3])
     runs = 20_000
     draws = rng.multivariate_normal(np.zeros(5), covariance * 1e20, runs, check_valid="raise") * 1e-10
     moved = ln.star_tracker.catalogue_directions(

@@ -135,6 +135,8 @@ def test_large_misalignments_and_no_noise():
     found = ln.star_tracker.align_heads(heads, body, catalogue)
     assert found.converged
     assert np.abs(ln.attitude.rotation_error(true, found.mountings)).max() < 1e-12
+    # Newton: mountings and attitudes move together.
+    assert found.iterations <= 7
     assert found.chi2 < 1e-9
 
 
@@ -208,15 +210,20 @@ def test_the_prior_is_part_of_the_estimate():
     rng = np.random.default_rng(80)
     spread = (5 * ARCSEC) ** 2 * np.eye(3)
     heads = nominal(2, spread=spread)
-    values = []
+    values, residuals = [], []
     for _ in range(runs):
         drift = np.array([np.zeros(3), 5 * ARCSEC * rng.standard_normal(3)])
         body, catalogue, true = frames_of(heads, drift, [[2, 2]] * 3, rng)
         found = ln.star_tracker.align_heads(heads, body, catalogue, prior=True)
         assert found.sigma[1].max() <= 5 * ARCSEC
+        # Twelve stars and three numbers of the prior, for three attitudes and a mounting.
+        assert found.dof == 2 * 12 + 3 - 9 - 3
         values.append(nees_of(found, true, [1]))
+        residuals.append(found.chi2)
     low, high = nees_band(3, runs)
     assert low < np.mean(values) < high
+    low, high = nees_band(15, runs)
+    assert low < np.mean(residuals) < high
 
 
 def test_aligned_heads_fuse_without_bias():

@@ -2,9 +2,6 @@
 
 from losnav.star_tracker.alignment import Alignment, align_heads
 from losnav.star_tracker.catalogue import (
-    ASTRONOMICAL_UNIT,
-    JULIAN_YEAR,
-    SPEED_OF_LIGHT,
     aberrate,
     catalogue_covariance,
     catalogue_directions,
@@ -37,9 +34,6 @@ from losnav.star_tracker.sweep import SeparationSweep, separation_boresights, se
 from losnav.star_tracker.timing import epoch_covariance, to_epoch
 
 __all__ = [
-    "ASTRONOMICAL_UNIT",
-    "JULIAN_YEAR",
-    "SPEED_OF_LIGHT",
     "Alignment",
     "FusedAttitude",
     "Head",

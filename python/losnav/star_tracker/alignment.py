@@ -72,7 +72,7 @@ class Alignment:
     unobservable : (3 N, 3 (N - 1) - rank)
         Columns: combinations of ``mu`` that the frames do not tell, left as they were given.
     chi2, dof : float, int
-        Of the residuals of the frames used.
+        Of the residuals of the frames used, and of the corrections about the prior if there is one.
     frames : (K,) bool
         Frames used: at least two stars in different directions.
     attitudes : (K, 3, 3)
@@ -296,12 +296,15 @@ def _solved(
         mountings, dcms = rotation_matrices(mu) @ mountings, rotation_matrices(xi) @ dcms
         step = float(np.abs(mu).max())
     _, _, chi2 = _normal(stars, mountings, dcms, len(heads))
+    turned = attitude.rotation_error(mountings, nominal)
+    chi2 += float(np.einsum("ni,nij,nj->", turned, known, turned))
     covariance, basis = _knowledge(information, free, len(heads))
     rank = 3 * len(free) - basis.shape[1]
-    dof = 2 * len(stars.frame) - 3 * int(used.sum()) - (0 if known.any() else rank)
+    # A prior is three more measurements.
+    dof = 2 * len(stars.frame) + 3 * int(known.any(axis=(1, 2)).sum()) - 3 * int(used.sum()) - rank
     return Alignment(
         mountings=mountings,
-        corrections=attitude.rotation_error(mountings, nominal),
+        corrections=turned,
         covariance=covariance,
         rank=rank,
         unobservable=basis,

@@ -22,25 +22,16 @@ import numpy as np
 
 from losnav._arrays import ArrayLike, FloatArray, broadcast, finite, in_range, units, vectors
 from losnav._arrays import covariances as checked_covariances
+from losnav.constants import AU, SPEED_OF_LIGHT
 from losnav.errors import InvalidInputError
 from losnav.star_tracker.covariance import symmetric
 
 __all__ = [
-    "ASTRONOMICAL_UNIT",
-    "JULIAN_YEAR",
-    "SPEED_OF_LIGHT",
     "aberrate",
     "catalogue_covariance",
     "catalogue_directions",
     "remove_aberration",
 ]
-
-# m/s, exact: definition of the metre (SI, 2019).
-SPEED_OF_LIGHT = 299_792_458.0
-# m, exact: IAU 2012 resolution B2.
-ASTRONOMICAL_UNIT = 149_597_870_700.0
-# s, exact: 365.25 days of 86 400 s; epochs of catalogues (J2000.0, J2016.0) count in it.
-JULIAN_YEAR = 31_557_600.0
 
 
 def aberrate(directions: ArrayLike, velocity: ArrayLike) -> FloatArray:
@@ -146,7 +137,7 @@ def catalogue_directions(
     radial_velocity : (...)
         Away from the Sun, m/s; matters only for near, fast stars.
     dt : (...)
-        Date less epoch, s (barycentric dynamical time); years times ``JULIAN_YEAR``.
+        Date less epoch, s (barycentric dynamical time); years times ``losnav.constants.JULIAN_YEAR``.
     observer : (..., 3), optional
         Position relative to the barycentre, m, equatorial axes; without it no parallax.
     velocity : (..., 3), optional
@@ -169,11 +160,11 @@ def catalogue_directions(
     >>> import numpy as np
     >>> import losnav as ln
     >>> mas = np.radians(1 / 3.6e6)
-    >>> per_year = mas / ln.star_tracker.JULIAN_YEAR
+    >>> per_year = mas / ln.constants.JULIAN_YEAR
     >>> position = np.radians([269.44850252543836, 4.739420051112412])
     >>> motion = {"pmra": -801.551 * per_year, "pmdec": 10362.394 * per_year, "parallax": 546.976 * mas}
     >>> then = ln.star_tracker.catalogue_directions(*position)
-    >>> now = ln.star_tracker.catalogue_directions(*position, **motion, dt=16 * ln.star_tracker.JULIAN_YEAR)
+    >>> now = ln.star_tracker.catalogue_directions(*position, **motion, dt=16 * ln.constants.JULIAN_YEAR)
     >>> round(float(np.arcsin(np.linalg.norm(np.cross(then, now))) / mas / 1000), 1)          # arcsec
     166.3
     """
@@ -187,7 +178,7 @@ def catalogue_directions(
             place = vectors(observer, "observer")
             _fits(place, "observer", moved)
             time = time + (place * moved).sum(axis=-1, keepdims=True) / SPEED_OF_LIGHT
-            moved = moved - distance * place / ASTRONOMICAL_UNIT
+            moved = moved - distance * place / AU
         moved = moved + time * rate
         directions = moved / np.linalg.norm(moved, axis=-1, keepdims=True)
     in_range(directions, "motion, dt, observer")
@@ -251,7 +242,7 @@ def catalogue_covariance(
         place = np.zeros(3) if observer is None else vectors(observer, "observer")
         _fits(place, "observer", outward)
         across = place - (place * outward).sum(axis=-1, keepdims=True) * outward
-        columns.append(-across / ASTRONOMICAL_UNIT)
+        columns.append(-across / AU)
     if size >= 4:
         columns += [time * east, time * north]
     jacobian = np.stack(np.broadcast_arrays(*columns), axis=-1)
@@ -277,7 +268,7 @@ def _linear_motion(
     north = np.stack([-sd * ca, -sd * sa, cd], axis=-1)
     outward = np.stack([cd * ca, cd * sa, sd], axis=-1)
     with np.errstate(over="ignore"):
-        expansion = outward_speed * (parallax / ASTRONOMICAL_UNIT)
+        expansion = outward_speed * (parallax / AU)
     rates = [r[..., np.newaxis] for r in (east_rate, north_rate, expansion)]
     return east, north, outward, rates, parallax[..., np.newaxis], time[..., np.newaxis]
 
