@@ -454,11 +454,12 @@ def test_calibrated_vectors_give_the_same(capsys, tmp_path, photographs, key):
 
 
 @pytest.mark.parametrize("key", PHOTOGRAPHS)
-@pytest.mark.parametrize("share", [0.2, 0.35, 0.5])
-def test_shuffled_catalogue_rows_are_named(capsys, tmp_path, photographs, key, share):
+@pytest.mark.parametrize("share", [0.2, 0.3, 0.4, 0.5])
+@pytest.mark.parametrize("trial", range(10))
+def test_shuffled_catalogue_rows_are_named(capsys, tmp_path, photographs, key, share, trial):  # noqa: PLR0917
     """A share of the catalogue rows goes round among the stars: all of them are wrong, and named."""
     entry, data = photographs[key]
-    rng = np.random.default_rng([int(key[1:]), int(100 * share)])
+    rng = np.random.default_rng([int(key[1:]), trial, int(100 * share)])
     count = len(data["icrs"])
     wrong = np.sort(rng.choice(count, max(2, round(share * count)), replace=False))
     order = np.arange(count)
@@ -468,10 +469,9 @@ def test_shuffled_catalogue_rows_are_named(capsys, tmp_path, photographs, key, s
     named = set(report["rejected"])
     shuffled = {f"HIP{data['hip'][k]}" for k in wrong}
     assert shuffled <= named
-    right = np.setdiff1d(np.arange(count), wrong)
-    # A right star may be left out if its own residual is that of one in ten thousand.
+    # Two of the photographs have a star 4 sigma off, which a gate at 99.9 % leaves out as well.
     assert len(named - shuffled) <= 1
-    used = [k for k in right if f"HIP{data['hip'][k]}" not in named]
+    used = [k for k in range(count) if f"HIP{data['hip'][k]}" not in named]
     body, icrs = data["body"][used], data["icrs"][used]
     u, _, v = np.linalg.svd(body.T @ icrs)
     expected = u @ np.diag([1, 1, np.linalg.det(u) * np.linalg.det(v)]) @ v
