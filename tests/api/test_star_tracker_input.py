@@ -250,6 +250,20 @@ def test_bare_mountings_are_heads():
     assert np.array_equal(bare.dcm, expected.dcm)
 
 
+def test_solutions_are_attitudes():
+    """Those of solve_attitude with their own covariances; one star only: that head is blind."""
+    solutions = [ln.solve_attitude(b, r, sigma=1e-5) for b, r in zip(STARS, CATALOGUE, strict=True)]
+    fused = ST.fuse_attitudes(HEADS, solutions)
+    assert fused.used.all()
+    assert np.abs(fused.dcm - np.eye(3)).max() < 1e-12
+    solutions[1] = ln.solve_attitude(STARS[1][:1], CATALOGUE[1][:1], sigma=1e-5)
+    assert ST.fuse_attitudes(HEADS, solutions).blind.tolist() == [False, True, False]
+    with pytest.raises(InvalidInputError, match=r"^attitudes: expected 3 entries"):
+        ST.fuse_attitudes(HEADS, solutions[:2])
+    with pytest.raises(InvalidInputError, match=r"^covariances: expected those of the attitudes"):
+        ST.fuse_attitudes(HEADS, ATTITUDES)
+
+
 def test_contract():
     """Names and order of arguments that user code is written against."""
     expected = {

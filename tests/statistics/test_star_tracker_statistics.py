@@ -330,6 +330,8 @@ def test_images_and_attitudes_agree_where_both_can(rng):
         np.stack([s.covariance for s in each], axis=1),
         exclude=False,
     )
+    same = ln.star_tracker.fuse_attitudes(heads, each, exclude=False)
+    assert np.array_equal(same.dcm, fused.dcm)
     apart = np.linalg.norm(ln.attitude.rotation_error(together.dcm, fused.dcm), axis=-1)
     # Second order in the noise: a thousandth of a sigma.
     assert apart.max() < 1e-3 * np.sqrt(np.linalg.eigvalsh(fused.covariance)[:, 0].min())

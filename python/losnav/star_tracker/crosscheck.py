@@ -32,6 +32,7 @@ import numpy.typing as npt
 
 from losnav import attitude
 from losnav._arrays import ArrayLike, FloatArray, as_float64, broadcast, rotations
+from losnav.attitude_determination import AttitudeSolution
 from losnav.consistency import chi2_quantile
 from losnav.errors import InvalidInputError
 from losnav.star_tracker._rotation import rotation_matrices
@@ -49,8 +50,8 @@ STEP = 1e-14
 
 def fuse_attitudes(
     heads: Sequence[Head],
-    attitudes: ArrayLike | Sequence[ArrayLike | None],
-    covariances: ArrayLike | Sequence[ArrayLike | None],
+    attitudes: ArrayLike | Sequence[ArrayLike | AttitudeSolution | None],
+    covariances: ArrayLike | Sequence[ArrayLike | None] | None = None,
     *,
     false_alarm: float = 1e-3,
     exclude: bool = True,
@@ -61,11 +62,12 @@ def fuse_attitudes(
     ----------
     heads : sequence of N Head
         Their mountings, mounting covariances and names are used.
-    attitudes : (..., N, 3, 3) or sequence of N (3, 3)
-        ``dcm`` of each head, head from reference. None or NaN: this head is blind.
-    covariances : (N, 3, 3), (..., N, 3, 3) or sequence of N (3, 3)
+    attitudes : (..., N, 3, 3), sequence of N (3, 3), or of N AttitudeSolution
+        ``dcm`` of each head, head from reference. None or NaN: this head is blind, as is one whose solution
+        did not converge.
+    covariances : (N, 3, 3), (..., N, 3, 3) or sequence of N (3, 3), optional
         Attitude covariance of each head in its own axes, rad^2, positive definite; that of a blind head is
-        ignored.
+        ignored. None: those of the solutions.
     false_alarm : float
         Probability of a contradiction although all heads are right, and of clearing the one that is not.
     exclude : bool
@@ -234,6 +236,7 @@ def fusion_inputs(
     """Batch shape, flat ``S_n A_n`` and ``R_n`` ``(B, N, 3, 3)``, blind heads ``(B, N)``."""
     count = len(heads)
     turns = np.stack([h.mounting for h in heads])
+    attitudes, covariances = _of_solutions(attitudes, covariances, count)
     dcms = _stacked(attitudes, count, "attitudes")
     spreads = _stacked(covariances, count, "covariances")
     try:
@@ -260,6 +263,30 @@ def fusion_inputs(
         ("attitudes", np.asarray(blind, dtype=np.float64), 1),
     )
     return shape, flat, flat_spreads, flat_blind > 0
+
+
+def _of_solutions(attitudes: Any, covariances: Any, count: int) -> tuple[Any, Any]:
+    """Arrays of solutions, where solutions were given."""
+    given = isinstance(attitudes, list | tuple) and any(hasattr(a, "dcm") for a in attitudes)
+    if covariances is None and not given:
+        raise InvalidInputError("covariances: expected those of the attitudes, got None and no solutions")
+    if not given:
+        return attitudes, covariances
+    if len(attitudes) != count:
+        raise InvalidInputError(
+            f"attitudes: expected {count} entries, one for each head, got {len(attitudes)}"
+        )
+    dcms, spreads = [], []
+    for entry in attitudes:
+        known = np.asarray(getattr(entry, "converged", False))[..., np.newaxis, np.newaxis]
+        dcms.append(np.where(known, getattr(entry, "dcm", np.eye(3)), np.nan))
+        spreads.append(getattr(entry, "covariance", np.eye(3)))
+    try:
+        stacked = [np.stack(np.broadcast_arrays(*arrays), axis=-3) for arrays in (dcms, spreads)]
+    except ValueError as error:
+        shapes = ", ".join(str(d.shape[:-2]) for d in dcms)
+        raise InvalidInputError(f"attitudes: leading dimensions do not broadcast: {shapes}") from error
+    return stacked[0], stacked[1] if covariances is None else covariances
 
 
 def _stacked(value: Any, count: int, name: str) -> FloatArray:

@@ -179,7 +179,7 @@ def optimal_layout(
     >>> free.sigma.round(3), round(free.efficiency, 6)
     (array([1.523, 1.523, 1.523]), 1.0)
 
-    Three heads on the side away from the Earth (nadir -z, 70 degrees) and the Sun (45 degrees):
+    Three heads, 100 degrees clear of the nadir (-z) and 45 degrees of the Sun:
 
     >>> cones = [([0, 0, -1], np.radians(100)), ([1, 0, 0.3], np.radians(45))]
     >>> layout = ln.star_tracker.optimal_layout(3, sigma=2.5, exclusions=cones)
