@@ -9,6 +9,7 @@ use losnav_core::estimators::minimal::{candidates, p3p};
 use losnav_core::estimators::normal_equations::NormalEquations;
 use losnav_core::estimators::pose::LosObjective;
 use losnav_core::estimators::robust::{RobustOptions, solve_robust};
+use losnav_core::estimators::wahba::{Directions, Method as Solver, Vectors, polish};
 use losnav_core::math::so3::{dcm_from_quaternion, step};
 use losnav_core::math::vec3::{rotate, sub};
 use losnav_core::models::kinematics::Kinematics;
@@ -106,6 +107,7 @@ pub fn visit(measure: &mut impl Measure) {
     }
     minimal(measure);
     robust(measure, &weights);
+    attitude(measure);
 }
 
 fn linear_algebra(measure: &mut impl Measure, weights: &[Weight<f64>; 1]) {
@@ -146,4 +148,31 @@ fn robust(measure: &mut impl Measure, weights: &[Weight<f64>; 1]) {
     measure.measure("robust, N=50, 40 % wrong", &mut || {
         black_box(solve_robust(black_box(&sensor), &options, &mut inliers));
     });
+}
+
+fn attitude(measure: &mut impl Measure) {
+    let weights = [1.0 / (SIGMA * SIGMA)];
+    let solvers = [
+        ("QUEST", Solver::Quest),
+        ("q-method", Solver::QMethod),
+        ("SVD", Solver::Svd),
+        ("FOAM", Solver::Foam),
+        ("ESOQ2", Solver::Esoq2),
+    ];
+    for n in [2, 5, 8, 50] {
+        let scene = Scene::new(n, 0);
+        // Directions to the landmarks as the guess sees them: any two sets that nearly agree will do.
+        let reference: Vec<_> =
+            scene.los.iter().map(|b| rotate(&dcm_from_quaternion(scene.guess.attitude), *b)).collect();
+        let vectors = Vectors { body: &scene.los, reference: &reference, weights: &weights };
+        measure.measure(&format!("attitude, N={n}"), &mut || {
+            black_box(polish::solve::<f64>(black_box(&vectors)));
+        });
+        let profile = vectors.profile();
+        for (name, solver) in solvers.into_iter().filter(|_| n == 8) {
+            measure.measure(&format!("{name} of a profile matrix"), &mut || {
+                black_box(solver.start(black_box(&profile)));
+            });
+        }
+    }
 }
