@@ -324,6 +324,7 @@ def test_two_stars_without_sigma_still_have_one_check(capsys, tmp_path):
             "bx,by,bz,rx,ry,rz\n0,0,1,0,0,1\n\n0,0,2,0,0,1 # far\n",
             "s.csv:4: bx,by,bz: expected a unit vector",
         ),
+        ("bx,by,bz,rx,ry,rz\n0,0,1e308,0,0,1\n", "s.csv:2: bx,by,bz: expected a unit vector"),
         ("bx,by,bz,rx,ry,rz\n0,0,1,0,0,0\n", "s.csv:2: rx,ry,rz: expected a unit vector"),
         ("bx,by,bz,ra,dec\n0,0,1,10,91\n", "s.csv:2: dec: expected degrees from -90 to 90, got 91"),
         ("bx,by,bz,ra,dec\n0,0,1,361,0\n", "s.csv:2: ra: expected degrees from -180 to 360, got 361"),

@@ -191,7 +191,8 @@ def _numbers(places: list[str], cells: list[list[str]], layout: _Layout, columns
 
 
 def _unit(places: list[str], vectors: Array, columns: tuple[str, ...]) -> Array:
-    norms = np.linalg.norm(vectors, axis=1)
+    with np.errstate(over="ignore"):
+        norms = np.linalg.norm(vectors, axis=1)
     for place, norm in zip(places, norms, strict=True):
         if not abs(norm - 1) <= _UNIT_TOLERANCE:
             raise InvalidInputError(
