@@ -61,6 +61,8 @@ FRAMES = [STARS] * 3, [CATALOGUE] * 3
             r"body_vectors\[1\]\[0\]: expected a unit vector",
         ),
         (lambda: ST.fuse(HEADS, [[]] * 3, [[]] * 3), r"body_vectors: expected at least one star in any head"),
+        (lambda: ST.fuse(HEADS[:1], [STAR], [STAR], robust=True), r"body_vectors: expected at least 2 stars"),
+        (lambda: ST.separation_sweep([COVARIANCE] * 3, []).best(), r"angles: expected at least one"),
         (lambda: ST.fuse(HEADS, STARS, CATALOGUE, [1.0, 2.0]), r"sigmas: expected 3 entries"),
         (lambda: ST.fuse(HEADS, STARS, CATALOGUE, -1.0), r"sigmas\[0\]: expected a positive"),
         (
@@ -242,6 +244,19 @@ def test_a_noise_model_of_ones_own():
     covariance = ST.fuse([head], [stars], [stars]).covariance
     assert np.sqrt(covariance[1, 1] / covariance[0, 0]) == pytest.approx(2, rel=0.01)
     assert np.linalg.inv(head.information(stars)) == pytest.approx(covariance, rel=1e-9)
+
+
+def test_nothing_is_a_batch_of_nothing():
+    assert str(ST.separation_sweep([COVARIANCE] * 3, [])) == "SeparationSweep(3 heads, 0 angles)"
+    none = [np.empty((0, *b.shape)) for b in STARS]
+    for noise in (5 * ARCSEC, ST.PixelNoise(2000.0, 0.1)):
+        heads = [ST.Head(h.mounting, h.fov, noise) for h in HEADS]
+        assert ST.fuse(heads, none, CATALOGUE).dcm.shape == (0, 3, 3)
+        assert ST.fuse(heads, none, CATALOGUE, robust=True).inliers.shape[0] == 0
+    empty = ST.fuse_attitudes(HEADS, np.empty((0, 3, 3, 3)), [COVARIANCE] * 3)
+    assert empty.dcm.shape == (0, 3, 3)
+    assert empty.quaternion.shape == (0, 4)
+    assert ST.fused_covariance(np.empty((0, 3, 3, 3)), ATTITUDES).shape == (0, 3, 3)
 
 
 def test_bare_mountings_are_heads():

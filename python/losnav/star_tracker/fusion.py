@@ -122,6 +122,8 @@ def fuse(
     if not body.shape[-2]:
         raise InvalidInputError("body_vectors: expected at least one star in any head, got none")
     if robust:
+        if body.shape[-2] < 2:
+            raise InvalidInputError("body_vectors: expected at least 2 stars in all heads for robust, got 1")
         return solve_attitude_robust(
             body,
             reference,

@@ -95,7 +95,7 @@ class SeparationSweep:
         Raises
         ------
         InvalidInputError
-            On another measure.
+            On another measure, or without angles.
         """
         if measure in ("x", "y", "z"):
             values = self.sigma[..., "xyz".index(measure)]
@@ -105,14 +105,14 @@ class SeparationSweep:
             raise InvalidInputError(
                 f'measure: expected "x", "y", "z", "trace", "worst" or "determinant", got {measure!r}'
             )
+        if not values.size:
+            raise InvalidInputError("angles: expected at least one angle to choose from, got none")
         return float(np.ravel(self.angles)[np.argmin(values)])
 
     def __repr__(self) -> str:
-        degrees = np.degrees(self.angles)
-        return (
-            f"SeparationSweep({self.mountings.shape[-3]} heads, {self.angles.size} angles from "
-            f"{degrees.min():.1f} to {degrees.max():.1f} deg)"
-        )
+        degrees, count = np.degrees(self.angles), self.mountings.shape[-3]
+        span = f" from {degrees.min():.1f} to {degrees.max():.1f} deg" if degrees.size else ""
+        return f"SeparationSweep({count} heads, {degrees.size} angles{span})"
 
 
 def separation_boresights(
