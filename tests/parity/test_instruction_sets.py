@@ -26,6 +26,14 @@ for loss in ("squared", "huber"):
         pose = ln.solve_pose(landmarks, los, sigma=1e-4, guess=start, loss=loss)
         assert pose.converged.all()
         answers[f"{loss} {start is None}"] = np.concatenate([pose.position, pose.mrp], axis=1).tolist()
+stars = rng.standard_normal((37, 9, 3))
+stars /= np.linalg.norm(stars, axis=2, keepdims=True)
+dcm = ln.attitude.dcm_from_mrp(mrp)
+body = np.einsum("kij,knj->kni", dcm, stars) + 1e-4 * rng.standard_normal(stars.shape)
+body /= np.linalg.norm(body, axis=2, keepdims=True)
+attitude = ln.solve_attitude(body, stars, sigma=1e-4)
+assert attitude.converged.all()
+answers["attitude"] = np.concatenate([attitude.mrp, 1e4 * attitude.loss[:, None]], axis=1).tolist()
 one = [ln.solve_pose(landmarks, b, sigma=1e-4).position.tolist() for b in los[:5]]
 json.dump({"isa": ln._core.ISA, "batch": answers, "one": one}, sys.stdout)
 """

@@ -93,6 +93,38 @@ fn careful_and_fast_agree_and_the_careful_one_goes_on_where_the_other_stops() {
 }
 
 #[test]
+fn near_the_limit_of_rank_it_is_either_found_or_free() {
+    let mut rng = Rng(6);
+    let (mut found_all, mut free_all) = (0, 0);
+    for k in 0..2000 {
+        let width = 1e-8 * 1.003_f64.powi(k);
+        let (a, b) = (unit(&mut rng), unit(&mut rng));
+        let along = dot(a, b);
+        let side = [b[0] - along * a[0], b[1] - along * a[1], b[2] - along * a[2]];
+        let side = scale(width / dot(side, side).sqrt(), side);
+        let near = [a[0] + side[0], a[1] + side[1], a[2] + side[2]];
+        let reference = [a, scale(1.0 / dot(near, near).sqrt(), near)];
+        let q = exp([2.0 * rng.between(-1.0, 1.0), rng.between(-1.0, 1.0), rng.between(-1.0, 1.0)]);
+        let body = turned(&reference, q);
+        for method in METHODS {
+            let found = careful::solve(&Problem { method, ..problem(&body, &reference, &[1.0]) });
+            assert_eq!(found.converged, found.rank == 3, "{width:e} {found:?}");
+            // Two directions: the Hessian's least eigenvalue over the sum of weights is θ²/4.
+            if !(1.9e-7..2.1e-7).contains(&width) {
+                assert_eq!(found.rank == 3, width > 2e-7, "{width:e}");
+            }
+            if found.converged {
+                found_all += 1;
+                assert!(angle(q, found.quaternion) < 1e-15 / width, "{width:e}");
+            } else {
+                free_all += 1;
+            }
+        }
+    }
+    assert!(found_all > 1000 && free_all > 1000);
+}
+
+#[test]
 fn single_precision_is_as_good_as_its_digits() {
     let mut rng = Rng(3);
     for q in attitudes(&mut rng) {

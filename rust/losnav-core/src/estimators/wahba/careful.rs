@@ -25,8 +25,8 @@ use super::{Directions, Method, Profile, Residual, davenport_matrix, norm2};
 const STEPS: usize = 30;
 /// Eigenvalues of the Hessian this far apart: the weak axis is turned about in closed form first.
 const WEAK: f64 = 1e-3;
-/// Last step of a converged estimate, rad.
-const ARRIVED: f64 = 1e-9;
+/// Last step of a converged estimate, rad: above the rounding of the weakest turn of rank 3, `ε` over `RANK_TOLERANCE`.
+const ARRIVED: f64 = 1e-8;
 /// Distance from the minimum of a classical solver's answer that counts as converged, rad.
 const CLASSICAL: f64 = 1e-7;
 /// Step below which another one changes nothing, rad.

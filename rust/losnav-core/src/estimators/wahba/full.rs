@@ -21,8 +21,8 @@ use super::norm2;
 
 /// Bound on the steps.
 const STEPS: usize = 30;
-/// Last step of a converged estimate, rad.
-const ARRIVED: f64 = 1e-9;
+/// Last step of a converged estimate, rad: above the rounding of the weakest turn of rank 3, `ε` over `RANK_TOLERANCE`.
+const ARRIVED: f64 = 1e-8;
 /// Step below which another one changes nothing, rad.
 const STILL: f64 = 1e-14;
 
