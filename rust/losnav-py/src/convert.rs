@@ -1,6 +1,6 @@
 //! The only file that names `numpy`: arrays in, arrays out.
 pub use numpy::Element as Entry;
-use numpy::{PyArray, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods, ndarray::IxDyn};
+use numpy::{PyArray, PyArray1, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods, ndarray::IxDyn};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::PyFloat;
@@ -60,6 +60,35 @@ impl<'py> ScalarOrArray<'py> {
             return Ok(Self::Scalar(array.data().first().copied().unwrap_or(f64::NAN)));
         }
         Ok(Self::Array(array))
+    }
+}
+
+/// Numbers in NumPy's keeping: it asks for large pages, which a long record fills several times as fast.
+pub struct Buffer(Py<PyArray1<f64>>);
+
+impl Buffer {
+    /// All zero.
+    pub fn zeros(py: Python<'_>, count: usize) -> Self {
+        Self(PyArray1::zeros(py, count, false).unbind())
+    }
+
+    /// From numbers.
+    pub fn new(py: Python<'_>, data: Vec<f64>) -> Self {
+        Self(PyArray1::from_vec(py, data).unbind())
+    }
+
+    /// To read.
+    pub fn data<'a>(&'a self, py: Python<'_>) -> &'a [f64] {
+        let array = self.0.bind(py);
+        // SAFETY: contiguous, and nobody but this object has the array, which lives as long as it does.
+        unsafe { core::slice::from_raw_parts(array.data(), array.len()) }
+    }
+
+    /// To fill.
+    pub fn data_mut<'a>(&'a mut self, py: Python<'_>) -> &'a mut [f64] {
+        let array = self.0.bind(py);
+        // SAFETY: as above, and `self` is borrowed mutably.
+        unsafe { core::slice::from_raw_parts_mut(array.data(), array.len()) }
     }
 }
 

@@ -2,6 +2,7 @@
 pub mod gradient;
 pub mod integrator;
 pub mod jacobi;
+pub mod matrix;
 pub mod real;
 pub mod rotation;
 pub mod so3;

@@ -3,6 +3,7 @@
 //! Adding a model: its file here (struct, equation, the trait, a specimen), its name in [`dynamics!`](crate::dynamics),
 //! its parameters in the bindings, its dataclass in Python, its propagation in the oracle of the tests.
 use super::state::State;
+use crate::math::matrix::congruence;
 use crate::math::real::Real;
 
 pub mod clohessy_wiltshire;
@@ -44,33 +45,11 @@ pub trait DynamicsModel<T: Real, const N: usize> {
     /// `Q`, the covariance the disturbance adds over `|dt|`: symmetric, positive semidefinite.
     fn process_noise(&self, step: &Self::Step, state: &Self::State) -> [[T; N]; N];
 
-    /// `Φ P Φᵀ`, its upper triangle, of the upper triangle of `P`; override it to use the zeros of `Φ`.
+    /// `Φ P Φᵀ`, exactly symmetric, of a symmetric `P`; override it to use the zeros of `Φ`.
     #[inline(always)]
     fn carry(&self, _step: &Self::Step, transition: &[[T; N]; N], covariance: &[[T; N]; N]) -> [[T; N]; N] {
         congruence(transition, covariance)
     }
-}
-
-/// `A S Aᵀ`, its upper triangle, of the upper triangle of `S`.
-#[inline(always)]
-pub fn congruence<T: Real, const N: usize>(a: &[[T; N]; N], s: &[[T; N]; N]) -> [[T; N]; N] {
-    let mut out = [[T::zero(); N]; N];
-    for i in 0..N {
-        // Row i of A S.
-        let mut row = [T::zero(); N];
-        for k in 0..N {
-            for j in 0..N {
-                let entry = if k <= j { s[k][j] } else { s[j][k] };
-                row[j] = a[i][k].mul_add(entry, row[j]);
-            }
-        }
-        for j in i..N {
-            for k in 0..N {
-                out[i][j] = row[k].mul_add(a[j][k], out[i][j]);
-            }
-        }
-    }
-    out
 }
 
 /// A model that can produce an example of itself, for the laws every model must obey.

@@ -132,6 +132,60 @@ pub trait Sink<T: Real> {
     }
 }
 
+/// Two sinks as one.
+#[derive(Debug)]
+pub struct Both<'a, A, B>(pub &'a mut A, pub &'a mut B);
+
+impl<T: Real, A: Sink<T>, B: Sink<T>> Sink<T> for Both<'_, A, B> {
+    #[inline(always)]
+    fn add<const M: usize>(&mut self, rows: &Linearization<T, M>) {
+        self.0.add(rows);
+        self.1.add(rows);
+    }
+
+    #[inline(always)]
+    fn add_direction(&mut self, direction: &Direction<T>, dcm: &Mat3<T>) {
+        self.0.add_direction(direction, dcm);
+        self.1.add_direction(direction, dcm);
+    }
+}
+
+/// Writes down innovations `z ⊟ h(x)` as far as there is room; what comes after is dropped.
+#[derive(Debug)]
+pub struct Innovations<'a, T> {
+    out: &'a mut [T],
+    taken: usize,
+}
+
+impl<'a, T: Real> Innovations<'a, T> {
+    /// Writes to `out` from the front.
+    #[inline(always)]
+    #[must_use]
+    pub fn new(out: &'a mut [T]) -> Self {
+        Self { out, taken: 0 }
+    }
+
+    #[inline(always)]
+    fn write<const M: usize>(&mut self, rows: &[T; M]) {
+        if let Some(out) = self.out.get_mut(self.taken..self.taken + M) {
+            out.copy_from_slice(rows);
+        }
+        self.taken += M;
+    }
+}
+
+impl<T: Real> Sink<T> for Innovations<'_, T> {
+    #[inline(always)]
+    fn add<const M: usize>(&mut self, rows: &Linearization<T, M>) {
+        self.write(&rows.innovation);
+    }
+
+    #[inline(always)]
+    fn add_direction(&mut self, direction: &Direction<T>, _dcm: &Mat3<T>) {
+        self.write(&direction.innovation);
+    }
+}
+
 /// One measurement row as a sensor gave it, unweighted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row<T> {

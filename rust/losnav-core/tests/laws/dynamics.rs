@@ -1,5 +1,6 @@
 //! Laws of every dynamics in the list.
-use losnav_core::models::dynamics::{ClohessyWiltshire, DynamicsModel, Specimen, TwoBody, congruence};
+use losnav_core::math::matrix::{congruence, mirrored};
+use losnav_core::models::dynamics::{ClohessyWiltshire, DynamicsModel, Specimen, TwoBody};
 use nalgebra::{SMatrix, SVector};
 
 use crate::dual::First;
@@ -187,6 +188,7 @@ where
             *entry = if i == j { 2.0 + i as f64 } else { ((3 * i + 7 * j) as f64).sin() };
         }
     }
+    let covariance = mirrored(&covariance);
     let (short, full) = (model.carry(&step, &phi, &covariance), congruence(&phi, &covariance));
     for i in 0..N {
         for j in i..N {

@@ -7,9 +7,7 @@ use losnav_core::error::ModelError;
 use losnav_core::estimators::kalman::{Covariance, Estimate, Options, Updated, predict, update};
 use losnav_core::math::real::{Mask, Real};
 use losnav_core::math::vec3::Mat3;
-use losnav_core::models::linearization::{Direction, Linearization, Sink};
 use losnav_core::models::sensors::{Law, SensorModel};
-use losnav_core::models::state::State;
 
 use super::family::{Form, Widths};
 use super::source::Source;
@@ -24,13 +22,18 @@ pub const fn entries(n: usize) -> usize {
 #[inline(always)]
 pub fn load<V: Lanes, P: Covariance<V, N>, const N: usize>(data: &[f64]) -> Estimate<[V; N], P> {
     let (mut state, mut stored) = ([V::zero(); N], [[V::zero(); N]; N]);
-    let mut rows = data.chunks_exact(V::LANES);
-    for value in &mut state {
-        *value = V::read(rows.next().unwrap_or(&[]));
-    }
-    for i in 0..N {
-        for j in i..N {
-            stored[i][j] = V::read(rows.next().unwrap_or(&[]));
+    if data.len() >= entries(N) * V::LANES {
+        for i in 0..N {
+            state[i] = V::read(&data[i * V::LANES..]);
+        }
+        let mut at = N;
+        for i in 0..N {
+            for j in 0..N {
+                if j >= i {
+                    stored[i][j] = V::read(&data[at * V::LANES..]);
+                    at += 1;
+                }
+            }
         }
     }
     Estimate { state, covariance: P::from_stored(stored) }
@@ -43,13 +46,18 @@ pub fn store<V: Lanes, P: Covariance<V, N>, const N: usize>(
     data: &mut [f64],
 ) {
     let stored = estimate.covariance.stored();
-    let mut rows = data.chunks_exact_mut(V::LANES);
-    for value in &estimate.state {
-        value.write(rows.next().unwrap_or(&mut []));
-    }
-    for i in 0..N {
-        for j in i..N {
-            stored[i][j].write(rows.next().unwrap_or(&mut []));
+    if data.len() >= entries(N) * V::LANES {
+        for i in 0..N {
+            estimate.state[i].write(&mut data[i * V::LANES..(i + 1) * V::LANES]);
+        }
+        let mut at = N;
+        for i in 0..N {
+            for j in 0..N {
+                if j >= i {
+                    stored[i][j].write(&mut data[at * V::LANES..(at + 1) * V::LANES]);
+                    at += 1;
+                }
+            }
         }
     }
 }
@@ -241,39 +249,6 @@ struct Take<'a, T: Real, P, const N: usize> {
 impl<T: Real, P: Covariance<T, N>, const N: usize> Law<T> for Take<'_, T, P, N> {
     #[inline(always)]
     fn examine(&mut self, sensor: &impl SensorModel<T>) {
-        let mut innovation = Innovation { out: self.innovation, at: 0 };
-        let seen = sensor.linearize(&self.prior.state.kinematics(self.dcm), &mut innovation);
-        self.updated = match seen {
-            Ok(()) => update(self.prior, sensor, self.dcm, self.options, self.bound),
-            Err(error) => Err(error),
-        };
-    }
-}
-
-/// Writes down innovations; of the linearisation nothing else is computed.
-struct Innovation<'a, T> {
-    out: &'a mut [T],
-    at: usize,
-}
-
-impl<T: Real> Innovation<'_, T> {
-    #[inline(always)]
-    fn write<const M: usize>(&mut self, rows: &[T; M]) {
-        if let Some(out) = self.out.get_mut(self.at..self.at + M) {
-            out.copy_from_slice(rows);
-        }
-        self.at += M;
-    }
-}
-
-impl<T: Real> Sink<T> for Innovation<'_, T> {
-    #[inline(always)]
-    fn add<const M: usize>(&mut self, rows: &Linearization<T, M>) {
-        self.write(&rows.innovation);
-    }
-
-    #[inline(always)]
-    fn add_direction(&mut self, direction: &Direction<T>, _dcm: &Mat3<T>) {
-        self.write(&direction.innovation);
+        self.updated = update(self.prior, sensor, self.dcm, self.options, self.bound, self.innovation);
     }
 }

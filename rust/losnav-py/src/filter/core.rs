@@ -1,7 +1,7 @@
 //! Estimates of one size and form, and what models in Python may do to them.
 use core::marker::PhantomData;
 
-use losnav_core::estimators::kalman::{Covariance, Estimate, Rows, with_consider};
+use losnav_core::estimators::kalman::{Covariance, Estimate, Joseph, Rows, Sparse, with_consider};
 use losnav_core::models::dynamics::DynamicsModel;
 use losnav_core::models::state::State;
 
@@ -102,6 +102,17 @@ impl<F: Form, const N: usize> Core<F, N> {
         estimate.covariance.matrix().into_iter().flatten().collect()
     }
 
+    /// State and upper triangle of the covariance itself.
+    pub fn plain(&self, estimate: &[f64]) -> Vec<f64> {
+        if F::PLAIN {
+            return estimate.to_vec();
+        }
+        let Estimate { state, covariance }: Belief<F, N> = load(estimate);
+        let mut out = vec![0.0; entries(N)];
+        store(&Estimate { state, covariance: Joseph::new(&covariance.matrix()) }, &mut out);
+        out
+    }
+
     /// Are all numbers of the first estimate finite, its variances positive?
     pub fn sound(estimate: &[f64]) -> bool {
         let estimate: Belief<F, N> = load(estimate);
@@ -130,9 +141,8 @@ impl<F: Form, const N: usize> Core<F, N> {
         let options = given.settings.options::<N>();
         let columns = <[f64; N] as State<f64, N>>::COLUMNS;
         let mut rows = Rows::new(columns, self.vector(given.offset), 0.0, prior.covariance);
-        let used = core::array::from_fn(|i| i < self.n);
         for (innovation, row) in given.innovation.iter().zip(given.jacobian.chunks(self.n.max(1))) {
-            rows.absorb(*innovation, &self.vector(row), &used);
+            rows.absorb(*innovation, &blocks::<N>(&self.vector(row)));
         }
         let mut delta = rows.delta;
         if let Some(considered) = &options.consider {
@@ -157,6 +167,16 @@ impl<F: Form, const N: usize> Core<F, N> {
         }
         sound
     }
+}
+
+/// Blocks of three enough for the largest size.
+const BLOCKS: usize = 21;
+
+/// A row without zeros.
+fn blocks<const N: usize>(row: &[f64; N]) -> Sparse<f64, BLOCKS> {
+    let at = |j: usize| row.get(j).copied().unwrap_or(0.0);
+    let part = core::array::from_fn(|k| [at(3 * k), at(3 * k + 1), at(3 * k + 2)]);
+    Sparse { first: core::array::from_fn(|k| 3 * k), part }
 }
 
 /// A step whose outcome is known.

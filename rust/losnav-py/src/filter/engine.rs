@@ -46,8 +46,8 @@ pub struct Look<'a> {
 
 /// What became of a measurement.
 pub struct Seen {
-    /// State and covariance before, after the prediction.
-    pub prior: (Vec<f64>, Vec<f64>),
+    /// State and upper triangle of the covariance before, after the prediction.
+    pub prior: Vec<f64>,
     pub innovation: Vec<f64>,
     pub nis: f64,
     pub accepted: bool,
@@ -107,10 +107,15 @@ pub trait Engine: Send + Sync {
         look: Option<Look<'_>>,
     ) -> Result<Option<Seen>, Failure>;
     /// Whole arcs; what the sensors have rejected at the end of the first. `keep` leaves the filter at the end.
-    fn arcs(&mut self, plan: &Plan<'_>, layout: &Layout, keep: bool)
-    -> Result<(Vec<f64>, Vec<f64>), Failure>;
+    fn arcs(
+        &mut self,
+        plan: &Plan<'_>,
+        layout: &Layout,
+        data: &mut [f64],
+        keep: bool,
+    ) -> Result<Vec<f64>, Failure>;
     /// The data of a record with states and covariances smoothed; the latter no longer in the form of the filter.
-    fn smooth(&self, record: &ArcRecord) -> Vec<f64>;
+    fn smooth(&self, record: &ArcRecord, data: &[f64]) -> Vec<f64>;
     /// Takes the prediction of a model in Python: `x'`, `Φ`, `Q`.
     fn predict_given(&mut self, state: &[f64], transition: &[f64], noise: &[f64]) -> bool;
     /// Tries rows: the correction and its normalised innovation squared. [`commit`](Self::commit) makes it so.
@@ -169,12 +174,12 @@ impl<F: Form, const N: usize> Engine for Foreign<F, N> {
         Err(Failure::NotListed)
     }
 
-    fn arcs(&mut self, _: &Plan<'_>, _: &Layout, _: bool) -> Result<(Vec<f64>, Vec<f64>), Failure> {
+    fn arcs(&mut self, _: &Plan<'_>, _: &Layout, _: &mut [f64], _: bool) -> Result<Vec<f64>, Failure> {
         Err(Failure::NotListed)
     }
 
-    fn smooth(&self, record: &ArcRecord) -> Vec<f64> {
-        record.data.clone()
+    fn smooth(&self, _record: &ArcRecord, data: &[f64]) -> Vec<f64> {
+        data.to_vec()
     }
 
     fn duplicate(&self) -> Box<dyn Engine> {
@@ -216,8 +221,7 @@ impl<D: Widths<N>, F: Form, const N: usize> Listed<D, F, N> {
     /// Looks with the estimate under way.
     fn look(&mut self, look: &Look<'_>) -> Result<Seen, ModelError> {
         let rows = look.source.rows;
-        let mut prior = (self.next[..N].to_vec(), Vec::new());
-        prior.1 = self.core.matrix(&self.next);
+        let prior = self.core.plain(&self.next);
         let mut innovation = vec![0.0; rows];
         self.answers.resize(2 + rows, 0.0);
         let mut rejected = [0.0];
@@ -307,12 +311,12 @@ impl<D: Widths<N>, F: Form, const N: usize> Engine for Listed<D, F, N> {
         &mut self,
         plan: &Plan<'_>,
         layout: &Layout,
+        data: &mut [f64],
         keep: bool,
-    ) -> Result<(Vec<f64>, Vec<f64>), Failure> {
+    ) -> Result<Vec<f64>, Failure> {
         let (lanes, size) = (plan.lanes.max(1), entries(N));
         let groups = plan.runs.div_ceil(lanes);
         let block = layout.entries() * plan.steps.len() * lanes;
-        let mut data = vec![0.0; groups * block];
         let mut estimates = vec![0.0; groups * size * lanes];
         let held = self.core.count();
         let from = |slot: usize| {
@@ -343,11 +347,11 @@ impl<D: Widths<N>, F: Form, const N: usize> Engine for Listed<D, F, N> {
                 self.core.estimates[from(slot)] = *value;
             }
         }
-        Ok((data, rejected.into_inner().unwrap_or_default()))
+        Ok(rejected.into_inner().unwrap_or_default())
     }
 
-    fn smooth(&self, record: &ArcRecord) -> Vec<f64> {
-        let mut data = record.data.clone();
+    fn smooth(&self, record: &ArcRecord, data: &[f64]) -> Vec<f64> {
+        let mut data = data.to_vec();
         let block = record.layout.entries() * record.epochs * record.lanes;
         let work = data.chunks_mut(block.max(1)).map(|data| (data, &mut [][..])).enumerate();
         Self::share(record.runs * record.epochs, work, |(group, (data, _))| {

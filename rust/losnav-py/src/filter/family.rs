@@ -5,6 +5,8 @@ use losnav_core::models::dynamics::{ClohessyWiltshire, DynamicsModel, TwoBody};
 
 /// A covariance form, for any scalar and size.
 pub trait Form: Clone + Send + Sync + 'static {
+    /// Are the numbers it is kept in the covariance itself?
+    const PLAIN: bool;
     /// Are arcs side by side worth their code?
     const LANES: bool;
     /// The form of that scalar and size.
@@ -19,10 +21,12 @@ pub struct JosephForm;
 pub struct UdForm;
 
 impl Form for JosephForm {
+    const PLAIN: bool = true;
     const LANES: bool = true;
     type Of<T: Real, const N: usize> = Joseph<T, N>;
 }
 impl Form for UdForm {
+    const PLAIN: bool = false;
     const LANES: bool = false;
     type Of<T: Real, const N: usize> = Ud<T, N>;
 }

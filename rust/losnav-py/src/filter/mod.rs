@@ -1,7 +1,7 @@
 //! The filter behind `losnav.ExtendedKalmanFilter`: the estimate, what it knows of its sensors, and the doors to step
 //! it, run it over arcs, or let models in Python move it.
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyFloat};
+use pyo3::types::{PyDict, PyFloat, PyString};
 
 use self::core::{Core, Given};
 use crate::attitude::is_rotation;
@@ -84,8 +84,8 @@ fn in_form<F: Form>(name: Option<&str>, parameters: &[f64], n: usize) -> PyResul
             })*
         };
     }
-    sizes! { 6 9 15 24 64 }
-    Err(InvalidInputError::new_err(format!("state: expected at most 64 components, got {n}")))
+    sizes! { 6 9 15 24 63 }
+    Err(InvalidInputError::new_err(format!("state: expected at most 63 components, got {n}")))
 }
 
 #[pymethods]
@@ -212,8 +212,8 @@ impl Filter {
         let parts = step::Parts {
             sensor: slot.sensor.clone_ref(py),
             context: if context.is_empty() { self.empty.clone_ref(py) } else { context.clone().unbind() },
-            state: seen.prior.0,
-            covariance: seen.prior.1,
+            size: self.size,
+            prior: seen.prior,
             innovation: seen.innovation,
             nis: seen.nis,
             dof,
@@ -374,9 +374,9 @@ type Given2<'py> = (Option<Bound<'py, PyAny>>, Option<Bound<'py, PyAny>>);
 fn read_context<'py>(context: &Bound<'py, PyDict>) -> PyResult<Given2<'py>> {
     let (mut dcm, mut landmarks) = (None, None);
     for (key, value) in context {
-        let key: String = key.extract()?;
+        let key = key.cast::<PyString>()?;
         let given = (!value.is_none()).then_some(value);
-        match key.as_str() {
+        match key.to_str()? {
             "dcm" => dcm = given,
             "landmarks" | "target" => landmarks = given,
             other => {

@@ -9,7 +9,7 @@ use super::record::ArcRecord;
 use super::source::Source;
 use super::{Filter, explain, missing_attitude, read_context};
 use crate::attitude::is_rotation;
-use crate::convert::Floats;
+use crate::convert::{Buffer, Floats};
 use crate::errors::{InvalidInputError, shape_error};
 
 /// An argument with its axes understood.
@@ -213,12 +213,15 @@ pub fn run(
     // A filter with a state for every run ends where the runs end; one state for many runs stays where it is.
     let keep = count == held;
     let engine = &mut filter.engine;
+    let room = count.div_ceil(lanes) * lanes * epochs * layout.entries();
+    let mut data = Buffer::zeros(py, room);
+    let out = data.data_mut(py);
     let done = if count * epochs < DETACH {
-        engine.arcs(&plan, &layout, keep)
+        engine.arcs(&plan, &layout, out, keep)
     } else {
-        py.detach(|| engine.arcs(&plan, &layout, keep))
+        py.detach(|| engine.arcs(&plan, &layout, out, keep))
     };
-    let (data, rejected) = done.map_err(explain)?;
+    let rejected = done.map_err(explain)?;
     let passage = Passage {
         steps: plan.steps,
         starts: plan.starts,

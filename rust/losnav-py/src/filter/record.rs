@@ -4,12 +4,12 @@ use rayon::prelude::*;
 
 use super::arcs::Layout;
 use super::engine::{Engine, Passage};
-use crate::convert;
+use crate::convert::{self, Buffer};
 
 /// See `losnav.filters.FilterLog`.
 #[pyclass(frozen, module = "losnav._core")]
 pub struct ArcRecord {
-    pub data: Vec<f64>,
+    pub data: Buffer,
     pub layout: Layout,
     pub runs: usize,
     pub epochs: usize,
@@ -29,10 +29,10 @@ pub struct ArcRecord {
 const SERIAL: usize = 1 << 16;
 
 impl ArcRecord {
-    fn at(&self, run: usize, epoch: usize, entry: usize) -> f64 {
+    fn at(&self, data: &[f64], run: usize, epoch: usize, entry: usize) -> f64 {
         let (group, lane) = (run / self.lanes, run % self.lanes);
         let index = ((group * self.epochs + epoch) * self.layout.entries() + entry) * self.lanes + lane;
-        self.data.get(index).copied().unwrap_or(f64::NAN)
+        data.get(index).copied().unwrap_or(f64::NAN)
     }
 
     /// `(runs, T, …)` with the entries that `entry` names.
@@ -88,25 +88,25 @@ impl ArcRecord {
 
     /// `(..., T, N)`.
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let n = self.layout.size;
-        let data = py.detach(|| self.collect(n, |run, epoch, k| self.at(run, epoch, k)));
+        let (n, data) = (self.layout.size, self.data.data(py));
+        let data = py.detach(|| self.collect(n, |run, epoch, k| self.at(data, run, epoch, k)));
         convert::array(py, &self.shape(&[n]), data)
     }
 
     /// `(..., T, N, N)`.
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let n = self.layout.size;
+        let (n, data) = (self.layout.size, self.data.data(py));
         let whole = |run: usize, epoch: usize, out: &mut [f64]| {
             if self.plain {
                 for i in 0..n {
                     for j in i..n {
                         let at = self.layout.covariance() + i * n - i * (i + 1) / 2 + j;
-                        out[i * n + j] = self.at(run, epoch, at);
+                        out[i * n + j] = self.at(data, run, epoch, at);
                         out[j * n + i] = out[i * n + j];
                     }
                 }
             } else {
-                let stored: Vec<f64> = (0..self.layout.nis()).map(|k| self.at(run, epoch, k)).collect();
+                let stored: Vec<f64> = (0..self.layout.nis()).map(|k| self.at(data, run, epoch, k)).collect();
                 out.copy_from_slice(&self.engine.matrix(&stored));
             }
         };
@@ -117,29 +117,34 @@ impl ArcRecord {
     /// `(..., T, sensors)`.
     fn nis<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let (from, sensors) = (self.layout.nis(), self.layout.rows.len());
-        let data = py.detach(|| self.collect(sensors, |run, epoch, k| self.at(run, epoch, from + k)));
+        let data = self.data.data(py);
+        let data = py.detach(|| self.collect(sensors, |run, epoch, k| self.at(data, run, epoch, from + k)));
         convert::array(py, &self.shape(&[sensors]), data)
     }
 
     /// `(..., T, sensors)`.
     fn accepted<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let (from, sensors) = (self.layout.accepted(), self.layout.rows.len());
-        let data = py.detach(|| self.collect(sensors, |run, epoch, k| self.at(run, epoch, from + k) != 0.0));
+        let data = self.data.data(py);
+        let data =
+            py.detach(|| self.collect(sensors, |run, epoch, k| self.at(data, run, epoch, from + k) != 0.0));
         convert::array(py, &self.shape(&[sensors]), data)
     }
 
     /// `(..., T, M)`, the sensors one after another.
     fn innovation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let (from, rows) = (self.layout.innovation(), self.layout.rows.iter().sum());
-        let data = py.detach(|| self.collect(rows, |run, epoch, k| self.at(run, epoch, from + k)));
+        let data = self.data.data(py);
+        let data = py.detach(|| self.collect(rows, |run, epoch, k| self.at(data, run, epoch, from + k)));
         convert::array(py, &self.shape(&[rows]), data)
     }
 
     /// The record after Rauch, Tung & Striebel: states and covariances smoothed, the rest as it was.
     fn smooth(&self, py: Python<'_>) -> Self {
-        let data = py.detach(|| self.engine.smooth(self));
+        let before = self.data.data(py);
+        let data = py.detach(|| self.engine.smooth(self, before));
         Self {
-            data,
+            data: Buffer::new(py, data),
             layout: self.layout.clone(),
             runs: self.runs,
             epochs: self.epochs,

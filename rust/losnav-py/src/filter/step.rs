@@ -10,8 +10,9 @@ use crate::convert::{self, Floats};
 pub struct Step {
     sensor: Py<PyAny>,
     context: Py<PyDict>,
-    state: Vec<f64>,
-    covariance: Vec<f64>,
+    size: usize,
+    /// State and upper triangle of the covariance before the measurement.
+    prior: Vec<f64>,
     innovation: Vec<f64>,
     nis: f64,
     dof: usize,
@@ -25,8 +26,8 @@ pub struct Step {
 pub struct Parts {
     pub sensor: Py<PyAny>,
     pub context: Py<PyDict>,
-    pub state: Vec<f64>,
-    pub covariance: Vec<f64>,
+    pub size: usize,
+    pub prior: Vec<f64>,
     pub innovation: Vec<f64>,
     pub nis: f64,
     pub dof: usize,
@@ -40,8 +41,8 @@ impl From<Parts> for Step {
         Self {
             sensor: p.sensor,
             context: p.context,
-            state: p.state,
-            covariance: p.covariance,
+            size: p.size,
+            prior: p.prior,
             innovation: p.innovation,
             nis: p.nis,
             dof: p.dof,
@@ -58,16 +59,32 @@ impl Step {
         convert::array(py, shape, data.to_vec())
     }
 
+    fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        self.array(py, &[self.size], &self.prior[..self.size])
+    }
+
+    fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let (n, mut at) = (self.size, self.size);
+        let mut whole = vec![0.0; n * n];
+        for i in 0..n {
+            for j in i..n {
+                whole[i * n + j] = self.prior[at];
+                whole[j * n + i] = self.prior[at];
+                at += 1;
+            }
+        }
+        convert::array(py, &[n, n], whole)
+    }
+
     /// `(S, K)` of the linear update at the prior, by `losnav.filters.step.linear_update`.
     fn linear(&self, py: Python<'_>) -> PyResult<&(Py<PyAny>, Py<PyAny>)> {
         self.linear.get_or_try_init(py, || {
             let function = py.import("losnav.filters.step")?.getattr("linear_update")?;
-            let n = self.state.len();
             let arguments = (
                 self.sensor.bind(py),
                 self.context.bind(py),
-                self.array(py, &[n], &self.state)?,
-                self.array(py, &[n, n], &self.covariance)?,
+                self.state(py)?,
+                self.covariance(py)?,
                 self.underweighting,
                 self.consider.clone(),
             );
@@ -93,11 +110,16 @@ impl Step {
         consider: Vec<usize>,
     ) -> PyResult<Self> {
         let numbers = |value, name| Ok::<_, PyErr>(Floats::new(value, name)?.data().to_vec());
+        let (mut prior, matrix) = (numbers(state, "state")?, numbers(covariance, "covariance")?);
+        let size = prior.len();
+        for i in 0..size {
+            prior.extend(matrix.iter().skip(i * size + i).take(size - i));
+        }
         Ok(Parts {
             sensor,
             context,
-            state: numbers(state, "state")?,
-            covariance: numbers(covariance, "covariance")?,
+            size,
+            prior,
             innovation: numbers(innovation, "innovation")?,
             nis,
             dof,
@@ -147,14 +169,13 @@ impl Step {
     /// State before the measurement, `(N,)`.
     #[getter]
     fn prior_state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, &[self.state.len()], &self.state)
+        self.state(py)
     }
 
     /// Covariance before the measurement, `(N, N)`.
     #[getter]
     fn prior_covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let n = self.state.len();
-        self.array(py, &[n, n], &self.covariance)
+        self.covariance(py)
     }
 
     fn __repr__(&self) -> String {
@@ -170,12 +191,11 @@ impl Step {
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
-        let n = self.state.len();
         let arguments = (
             self.sensor.bind(py),
             self.context.bind(py),
-            self.array(py, &[n], &self.state)?,
-            self.array(py, &[n, n], &self.covariance)?,
+            self.state(py)?,
+            self.covariance(py)?,
             self.array(py, &[self.innovation.len()], &self.innovation)?,
             self.nis,
             self.dof,

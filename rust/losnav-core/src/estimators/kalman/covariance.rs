@@ -1,9 +1,33 @@
 //! What a filter asks of a covariance, whichever form it is kept in.
+use crate::math::matrix::Matrix;
 use crate::math::real::Real;
 use crate::models::dynamics::DynamicsModel;
 
-/// Rows of a square matrix.
-pub type Matrix<T, const N: usize> = [[T; N]; N];
+/// A row that is zero outside `K` blocks of three columns. That the blocks are known when the kernel is compiled is what
+/// saves the products with zero.
+#[derive(Clone, Copy, Debug)]
+pub struct Sparse<T, const K: usize> {
+    /// First column of each block.
+    pub first: [usize; K],
+    /// The blocks; columns beyond the state are not looked at.
+    pub part: [[T; 3]; K],
+}
+
+impl<T: Real, const K: usize> Sparse<T, K> {
+    /// `h · v`.
+    #[inline(always)]
+    pub fn dot<const N: usize>(&self, v: &[T; N]) -> T {
+        let mut sum = T::zero();
+        for k in 0..K {
+            for c in 0..3 {
+                if self.first[k] + c < N {
+                    sum = self.part[k][c].mul_add(v[self.first[k] + c], sum);
+                }
+            }
+        }
+        sum
+    }
+}
 
 /// The covariance of an estimate.
 pub trait Covariance<T: Real, const N: usize>: Copy + Send + Sync {
@@ -24,10 +48,10 @@ pub trait Covariance<T: Real, const N: usize>: Copy + Send + Sync {
         transition: &Matrix<T, N>,
         noise: &Matrix<T, N>,
     ) -> Self;
-    /// `P h`. Entries of `h` outside `used` are zero and not looked at.
-    fn times(&self, h: &[T; N], used: &[bool; N]) -> [T; N];
+    /// `P h`.
+    fn times<const K: usize>(&self, h: &Sparse<T, K>) -> [T; N];
     /// Takes a measurement row `h` of unit noise: the variance of its innovation `hᵀ P h + 1` and the gain.
-    fn absorb(&mut self, h: &[T; N], used: &[bool; N]) -> (T, [T; N]);
+    fn absorb<const K: usize>(&mut self, h: &Sparse<T, K>) -> (T, [T; N]);
     /// `P` with the block of the `considered` components as it is in `before`.
     #[must_use]
     fn with_block_of(&self, before: &Self, considered: &[bool; N]) -> Self;
@@ -38,26 +62,15 @@ pub trait Covariance<T: Real, const N: usize>: Copy + Send + Sync {
     fn is_finite(&self) -> T::Mask;
 }
 
-/// A symmetric matrix from its upper triangle.
-#[inline(always)]
-#[must_use]
-pub fn mirrored<T: Real, const N: usize>(upper: &Matrix<T, N>) -> Matrix<T, N> {
-    let mut whole = *upper;
-    for i in 0..N {
-        for j in 0..i {
-            whole[i][j] = upper[j][i];
-        }
-    }
-    whole
-}
-
 /// Entries of a matrix chosen lane by lane.
 #[inline(always)]
 pub fn select<T: Real, const N: usize>(mask: T::Mask, yes: &Matrix<T, N>, no: &Matrix<T, N>) -> Matrix<T, N> {
     let mut chosen = *no;
     for i in 0..N {
-        for j in i..N {
-            chosen[i][j] = T::select(mask, yes[i][j], no[i][j]);
+        for j in 0..N {
+            if j >= i {
+                chosen[i][j] = T::select(mask, yes[i][j], no[i][j]);
+            }
         }
     }
     chosen

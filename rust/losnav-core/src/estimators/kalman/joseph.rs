@@ -2,30 +2,25 @@
 //!
 //! `P⁺ = (I − k hᵀ) P (I − k hᵀ)ᵀ + k kᵀ` for a row of unit noise: the sum of two positive matrices whatever the
 //! rounding of the gain `k`, where `P − k hᵀ P` is a difference. Nobody else writes `I − k hᵀ`.
-use super::covariance::{Covariance, Matrix, finite_diagonal, mirrored, select};
+use super::covariance::{Covariance, Sparse, finite_diagonal, select};
+use crate::math::matrix::{Matrix, mirrored};
 use crate::math::real::Real;
 use crate::models::dynamics::DynamicsModel;
 
-/// Upper triangle of `P`; what is below it is never read.
+/// The whole of `P`, the lower triangle always a copy of the upper: choosing between `P_ij` and `P_ji` at every entry
+/// costs more than the copies.
 #[derive(Clone, Copy, Debug)]
 pub struct Joseph<T, const N: usize>(Matrix<T, N>);
-
-impl<T: Real, const N: usize> Joseph<T, N> {
-    #[inline(always)]
-    fn at(&self, i: usize, j: usize) -> T {
-        if i <= j { self.0[i][j] } else { self.0[j][i] }
-    }
-}
 
 impl<T: Real, const N: usize> Covariance<T, N> for Joseph<T, N> {
     #[inline(always)]
     fn new(covariance: &Matrix<T, N>) -> Self {
-        Self(*covariance)
+        Self(mirrored(covariance))
     }
 
     #[inline(always)]
     fn from_stored(stored: Matrix<T, N>) -> Self {
-        Self(stored)
+        Self(mirrored(&stored))
     }
 
     #[inline(always)]
@@ -35,7 +30,7 @@ impl<T: Real, const N: usize> Covariance<T, N> for Joseph<T, N> {
 
     #[inline(always)]
     fn matrix(&self) -> Matrix<T, N> {
-        mirrored(&self.0)
+        self.0
     }
 
     #[inline(always)]
@@ -48,7 +43,7 @@ impl<T: Real, const N: usize> Covariance<T, N> for Joseph<T, N> {
     ) -> Self {
         let mut moved = dynamics.carry(step, transition, &self.0);
         for i in 0..N {
-            for j in i..N {
+            for j in 0..N {
                 moved[i][j] += noise[i][j];
             }
         }
@@ -56,12 +51,15 @@ impl<T: Real, const N: usize> Covariance<T, N> for Joseph<T, N> {
     }
 
     #[inline(always)]
-    fn times(&self, h: &[T; N], used: &[bool; N]) -> [T; N] {
+    fn times<const K: usize>(&self, h: &Sparse<T, K>) -> [T; N] {
         let mut f = [T::zero(); N];
         for i in 0..N {
-            for j in 0..N {
-                if used[j] {
-                    f[i] = self.at(i, j).mul_add(h[j], f[i]);
+            for k in 0..K {
+                for c in 0..3 {
+                    let j = h.first[k] + c;
+                    if j < N {
+                        f[i] = self.0[i][j].mul_add(h.part[k][c], f[i]);
+                    }
                 }
             }
         }
@@ -69,14 +67,9 @@ impl<T: Real, const N: usize> Covariance<T, N> for Joseph<T, N> {
     }
 
     #[inline(always)]
-    fn absorb(&mut self, h: &[T; N], used: &[bool; N]) -> (T, [T; N]) {
-        let f = self.times(h, used);
-        let mut variance = T::one();
-        for j in 0..N {
-            if used[j] {
-                variance = h[j].mul_add(f[j], variance);
-            }
-        }
+    fn absorb<const K: usize>(&mut self, h: &Sparse<T, K>) -> (T, [T; N]) {
+        let f = self.times(h);
+        let variance = T::one() + h.dot(&f);
         let scale = variance.recip();
         let mut gain = f;
         for i in 0..N {
@@ -86,17 +79,23 @@ impl<T: Real, const N: usize> Covariance<T, N> for Joseph<T, N> {
         let mut out = self.0;
         for i in 0..N {
             let mut rest = gain[i];
-            for j in 0..N {
-                if used[j] {
-                    let a = (-gain[i]).mul_add(f[j], self.at(i, j));
-                    rest = (-a).mul_add(h[j], rest);
+            for k in 0..K {
+                for c in 0..3 {
+                    let j = h.first[k] + c;
+                    if j < N {
+                        let a = (-gain[i]).mul_add(f[j], self.0[i][j]);
+                        rest = (-a).mul_add(h.part[k][c], rest);
+                    }
                 }
             }
-            for j in i..N {
-                out[i][j] = rest.mul_add(gain[j], (-gain[i]).mul_add(f[j], self.0[i][j]));
+            for j in 0..N {
+                // Not `i..N`: loops of one length are unrolled.
+                if j >= i {
+                    out[i][j] = rest.mul_add(gain[j], (-gain[i]).mul_add(f[j], self.0[i][j]));
+                }
             }
         }
-        self.0 = out;
+        self.0 = mirrored(&out);
         (variance, gain)
     }
 
@@ -107,6 +106,7 @@ impl<T: Real, const N: usize> Covariance<T, N> for Joseph<T, N> {
             for j in i..N {
                 if considered[i] && considered[j] {
                     kept.0[i][j] = before.0[i][j];
+                    kept.0[j][i] = before.0[i][j];
                 }
             }
         }
@@ -115,7 +115,7 @@ impl<T: Real, const N: usize> Covariance<T, N> for Joseph<T, N> {
 
     #[inline(always)]
     fn select(mask: T::Mask, yes: &Self, no: &Self) -> Self {
-        Self(select(mask, &yes.0, &no.0))
+        Self(mirrored(&select(mask, &yes.0, &no.0)))
     }
 
     #[inline(always)]

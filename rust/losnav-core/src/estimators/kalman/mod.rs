@@ -18,7 +18,7 @@ mod smoother;
 mod ud;
 mod update;
 
-pub use covariance::{Covariance, Matrix, mirrored};
+pub use covariance::{Covariance, Sparse};
 pub use joseph::Joseph;
 pub use rows::Rows;
 pub use smoother::{Smoothed, smooth_back};

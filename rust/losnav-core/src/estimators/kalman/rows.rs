@@ -1,8 +1,8 @@
 //! The sink of the filter: takes the whitened rows of one sensor's measurement, one after another.
-use super::covariance::Covariance;
+use super::covariance::{Covariance, Sparse};
 use crate::math::real::Real;
-use crate::math::vec3::{Mat3, Vec3, across, cross, dot, rotate_transposed, scale};
-use crate::models::linearization::{Direction, Linearization, Sink, Weight};
+use crate::math::vec3::{Mat3, across, cross, dot, rotate_transposed, scale, scale_add};
+use crate::models::linearization::{Direction, Linearization, Row, Sink, Weight};
 use crate::models::state::Columns;
 
 /// An update under way: the covariance and the correction after the rows so far.
@@ -34,14 +34,9 @@ impl<T: Real, P: Covariance<T, N>, const N: usize> Rows<T, P, N> {
 
     /// Takes one row of unit noise: `innovation ≈ h δ`.
     #[inline(always)]
-    pub fn absorb(&mut self, innovation: T, h: &[T; N], used: &[bool; N]) {
-        let mut unexplained = innovation;
-        for j in 0..N {
-            if used[j] {
-                unexplained = h[j].mul_add(self.base[j] - self.delta[j], unexplained);
-            }
-        }
-        let (variance, gain) = self.covariance.absorb(h, used);
+    pub fn absorb<const K: usize>(&mut self, innovation: T, h: &Sparse<T, K>) {
+        let unexplained = innovation + h.dot(&self.base) - h.dot(&self.delta);
+        let (variance, gain) = self.covariance.absorb(h);
         for i in 0..N {
             self.delta[i] = gain[i].mul_add(unexplained, self.delta[i]);
         }
@@ -51,33 +46,32 @@ impl<T: Real, P: Covariance<T, N>, const N: usize> Rows<T, P, N> {
 
     /// Takes the rows of a block, which may err together by `β H P Hᵀ` on top of their unit noise.
     #[inline(always)]
-    fn absorb_block<const M: usize>(
+    fn absorb_block<const M: usize, const K: usize>(
         &mut self,
         mut innovation: [T; M],
-        mut rows: [[T; N]; M],
-        used: &[bool; N],
+        mut rows: [Sparse<T, K>; M],
     ) {
         if self.underweighting > 0.0 {
-            self.underweight(&mut innovation, &mut rows, used);
+            self.underweight(&mut innovation, &mut rows);
         }
         for m in 0..M {
-            self.absorb(innovation[m], &rows[m], used);
+            self.absorb(innovation[m], &rows[m]);
         }
     }
 
     /// Whitens rows again, by the Cholesky factor of `I + β H P Hᵀ`.
     #[inline(always)]
-    fn underweight<const M: usize>(&self, innovation: &mut [T; M], rows: &mut [[T; N]; M], used: &[bool; N]) {
+    fn underweight<const M: usize, const K: usize>(
+        &self,
+        innovation: &mut [T; M],
+        rows: &mut [Sparse<T, K>; M],
+    ) {
         let beta = T::splat(self.underweighting);
         let mut noise = [[T::zero(); M]; M];
         for m in 0..M {
-            let spread = self.covariance.times(&rows[m], used);
+            let spread = self.covariance.times(&rows[m]);
             for k in 0..M {
-                let mut product = T::zero();
-                for j in 0..N {
-                    product = rows[k][j].mul_add(spread[j], product);
-                }
-                noise[m][k] = beta * product;
+                noise[m][k] = beta * rows[k].dot(&spread);
             }
             noise[m][m] += T::one();
         }
@@ -91,42 +85,54 @@ impl<T: Real, P: Covariance<T, N>, const N: usize> Rows<T, P, N> {
             }
             for k in 0..m {
                 innovation[m] = (-noise[m][k]).mul_add(innovation[k], innovation[m]);
-                for j in 0..N {
-                    rows[m][j] = (-noise[m][k]).mul_add(rows[k][j], rows[m][j]);
+                for b in 0..K {
+                    rows[m].part[b] = scale_add(-noise[m][k], rows[k].part[b], rows[m].part[b]);
                 }
             }
-            let scale = noise[m][m].recip();
-            innovation[m] = scale * innovation[m];
-            for j in 0..N {
-                rows[m][j] = scale * rows[m][j];
+            let factor = noise[m][m].recip();
+            innovation[m] = factor * innovation[m];
+            for b in 0..K {
+                rows[m].part[b] = scale(factor, rows[m].part[b]);
             }
         }
     }
 
-    /// Where a block depending on these parts has entries that are not zero by nature.
+    /// Takes whitened rows, of which only some blocks are there.
     #[inline(always)]
-    fn used(&self, velocity: bool, attitude: bool) -> [bool; N] {
-        let mut used = [false; N];
-        let parts = [
-            Some(self.columns.position),
-            if velocity { self.columns.velocity } else { None },
-            if attitude { self.columns.attitude } else { None },
-        ];
-        for part in parts.into_iter().flatten() {
-            for entry in used.iter_mut().skip(part).take(3) {
-                *entry = true;
-            }
+    fn take<const M: usize>(&mut self, rows: &[Row<T>; M], velocity: Option<usize>, attitude: Option<usize>) {
+        let mut innovation = [T::zero(); M];
+        for m in 0..M {
+            innovation[m] = rows[m].innovation;
         }
-        used
-    }
-}
-
-#[inline(always)]
-fn place<T: Real, const N: usize>(row: &mut [T; N], column: Option<usize>, part: Vec3<T>) {
-    if let Some(first) = column {
-        for i in 0..3 {
-            if let Some(entry) = row.get_mut(first + i) {
-                *entry = part[i];
+        let p = self.columns.position;
+        match (velocity, attitude) {
+            (None, None) => {
+                let mut sparse = [Sparse { first: [p], part: [[T::zero(); 3]] }; M];
+                for m in 0..M {
+                    sparse[m].part = [rows[m].d_position];
+                }
+                self.absorb_block(innovation, sparse);
+            }
+            (Some(v), None) => {
+                let mut sparse = [Sparse { first: [p, v], part: [[T::zero(); 3]; 2] }; M];
+                for m in 0..M {
+                    sparse[m].part = [rows[m].d_position, rows[m].d_velocity];
+                }
+                self.absorb_block(innovation, sparse);
+            }
+            (None, Some(a)) => {
+                let mut sparse = [Sparse { first: [p, a], part: [[T::zero(); 3]; 2] }; M];
+                for m in 0..M {
+                    sparse[m].part = [rows[m].d_position, rows[m].d_attitude];
+                }
+                self.absorb_block(innovation, sparse);
+            }
+            (Some(v), Some(a)) => {
+                let mut sparse = [Sparse { first: [p, v, a], part: [[T::zero(); 3]; 3] }; M];
+                for m in 0..M {
+                    sparse[m].part = [rows[m].d_position, rows[m].d_velocity, rows[m].d_attitude];
+                }
+                self.absorb_block(innovation, sparse);
             }
         }
     }
@@ -135,20 +141,13 @@ fn place<T: Real, const N: usize>(row: &mut [T; N], column: Option<usize>, part:
 impl<T: Real, P: Covariance<T, N>, const N: usize> Sink<T> for Rows<T, P, N> {
     #[inline(always)]
     fn add<const M: usize>(&mut self, rows: &Linearization<T, M>) {
-        let used = self.used(rows.d_velocity.is_some(), rows.d_attitude.is_some());
-        let (mut innovation, mut h) = ([T::zero(); M], [[T::zero(); N]; M]);
+        let mut whitened = [Row::zero(); M];
         for m in 0..M {
-            let row = rows.whitened(m);
-            innovation[m] = row.innovation;
-            place(&mut h[m], Some(self.columns.position), row.d_position);
-            if rows.d_velocity.is_some() {
-                place(&mut h[m], self.columns.velocity, row.d_velocity);
-            }
-            if rows.d_attitude.is_some() {
-                place(&mut h[m], self.columns.attitude, row.d_attitude);
-            }
+            whitened[m] = rows.whitened(m);
         }
-        self.absorb_block(innovation, h, &used);
+        let velocity = if rows.d_velocity.is_some() { self.columns.velocity } else { None };
+        let attitude = if rows.d_attitude.is_some() { self.columns.attitude } else { None };
+        self.take(&whitened, velocity, attitude);
     }
 
     /// Two rows across the direction: along it a unit vector measures nothing.
@@ -160,14 +159,13 @@ impl<T: Real, P: Covariance<T, N>, const N: usize> Sink<T> for Rows<T, P, N> {
         let root = weight.sqrt();
         let (h, k) = (direction.predicted, root * direction.inverse_range);
         let across = across(h);
-        let (mut innovation, mut rows) = ([T::zero(); 2], [[T::zero(); N]; 2]);
+        let mut rows = [Row::zero(); 2];
         for m in 0..2 {
-            innovation[m] = root * dot(across[m], direction.innovation);
+            rows[m].innovation = root * dot(across[m], direction.innovation);
             // ∂h/∂p = −(I − hhᵀ) dcm/ρ and ∂h/∂α = [h×], seen along a unit vector across h.
-            place(&mut rows[m], Some(self.columns.position), scale(-k, rotate_transposed(dcm, across[m])));
-            place(&mut rows[m], self.columns.attitude, scale(root, cross(across[m], h)));
+            rows[m].d_position = scale(-k, rotate_transposed(dcm, across[m]));
+            rows[m].d_attitude = scale(root, cross(across[m], h));
         }
-        let used = self.used(false, true);
-        self.absorb_block(innovation, rows, &used);
+        self.take(&rows, None, self.columns.attitude);
     }
 }

@@ -1,8 +1,9 @@
 //! Rauch, Tung & Striebel (1965): what a later estimate tells about an earlier one.
-use super::covariance::{Covariance, Matrix};
+use super::covariance::Covariance;
 use super::{Estimate, predict};
+use crate::math::matrix::{Matrix, congruence};
 use crate::math::real::{Mask, Real};
-use crate::models::dynamics::{DynamicsModel, congruence};
+use crate::models::dynamics::DynamicsModel;
 use crate::models::state::State;
 
 /// A smoothed estimate; the covariance whole.

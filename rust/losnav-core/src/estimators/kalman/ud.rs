@@ -1,7 +1,8 @@
 //! `P = U D Uᵀ`, `U` unit upper triangular: half the digits suffice, and `P` cannot lose its sign.
 //!
 //! Measurement rows by Bierman (1977), steps in time by Thornton's weighted Gram–Schmidt (1976).
-use super::covariance::{Covariance, Matrix, finite_diagonal, mirrored, select};
+use super::covariance::{Covariance, Sparse, finite_diagonal, select};
+use crate::math::matrix::{Matrix, mirrored};
 use crate::math::real::{Mask, Real};
 use crate::models::dynamics::DynamicsModel;
 
@@ -88,6 +89,20 @@ fn split<T: Real, const N: usize>(m: &Matrix<T, N>) -> ([T; N], Matrix<T, N>) {
     (d, u)
 }
 
+/// All entries of a row.
+#[inline(always)]
+fn dense<T: Real, const N: usize, const K: usize>(h: &Sparse<T, K>) -> [T; N] {
+    let mut row = [T::zero(); N];
+    for k in 0..K {
+        for c in 0..3 {
+            if h.first[k] + c < N {
+                row[h.first[k] + c] = h.part[k][c];
+            }
+        }
+    }
+    row
+}
+
 impl<T: Real, const N: usize> Covariance<T, N> for Ud<T, N> {
     #[inline(always)]
     fn new(covariance: &Matrix<T, N>) -> Self {
@@ -141,15 +156,13 @@ impl<T: Real, const N: usize> Covariance<T, N> for Ud<T, N> {
     }
 
     #[inline(always)]
-    fn times(&self, h: &[T; N], used: &[bool; N]) -> [T; N] {
-        let (d, u) = split(&self.0);
+    fn times<const K: usize>(&self, h: &Sparse<T, K>) -> [T; N] {
+        let (h, (d, u)) = (dense::<T, N, K>(h), split(&self.0));
         let mut out = [T::zero(); N];
         for k in 0..N {
             let mut f = T::zero();
             for j in 0..=k {
-                if used[j] {
-                    f = u[j][k].mul_add(h[j], f);
-                }
+                f = u[j][k].mul_add(h[j], f);
             }
             f = f * d[k];
             for i in 0..=k {
@@ -160,15 +173,14 @@ impl<T: Real, const N: usize> Covariance<T, N> for Ud<T, N> {
     }
 
     #[inline(always)]
-    fn absorb(&mut self, h: &[T; N], used: &[bool; N]) -> (T, [T; N]) {
+    fn absorb<const K: usize>(&mut self, h: &Sparse<T, K>) -> (T, [T; N]) {
+        let h = dense::<T, N, K>(h);
         let (mut variance, mut gain) = (T::one(), [T::zero(); N]);
         for j in 0..N {
             // f = (Uᵀ h)_j, with column j as it was.
-            let mut f = if used[j] { h[j] } else { T::zero() };
+            let mut f = h[j];
             for i in 0..j {
-                if used[i] {
-                    f = self.0[i][j].mul_add(h[i], f);
-                }
+                f = self.0[i][j].mul_add(h[i], f);
             }
             let v = self.0[j][j] * f;
             let before = variance;

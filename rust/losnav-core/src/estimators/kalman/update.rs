@@ -5,6 +5,7 @@ use super::{Estimate, select};
 use crate::error::ModelError;
 use crate::math::real::{Mask, Real};
 use crate::math::vec3::Mat3;
+use crate::models::linearization::{Both, Innovations};
 use crate::models::sensors::SensorModel;
 use crate::models::state::State;
 
@@ -37,7 +38,8 @@ pub struct Updated<T: Real, S, P> {
     pub accepted: T::Mask,
 }
 
-/// The estimate after a measurement whose normalised innovation squared must not exceed `bound`.
+/// The estimate after a measurement whose normalised innovation squared must not exceed `bound`; `z ⊟ h(x)` at the
+/// prior goes to `innovation`, as far as there is room.
 ///
 /// 1. Linearise at the prior and take all rows: that gives the normalised innovation squared, and, of a plain filter,
 ///    the answer.
@@ -55,6 +57,7 @@ pub fn update<T, S, P, Z, const N: usize>(
     dcm: &Mat3<T>,
     options: &Options<N>,
     bound: T,
+    innovation: &mut [T],
 ) -> Result<Updated<T, S, P>, ModelError>
 where
     T: Real,
@@ -65,13 +68,16 @@ where
     let zero = [T::zero(); N];
     let mut rows = Rows::new(S::COLUMNS, zero, 0.0, prior.covariance);
     let (mut nis, mut dof, mut delta) = (T::zero(), 0, zero);
+    let mut heard = Innovations::new(innovation);
     let underweighted = u32::from(options.underweighting > 0.0);
     for pass in 0..options.iterations.max(1) + underweighted {
         let base = if pass <= underweighted { zero } else { delta };
         if pass > 0 {
             rows = Rows::new(S::COLUMNS, base, options.underweighting, prior.covariance);
         }
-        sensor.linearize(&prior.state.inject(&base).kinematics(dcm), &mut rows)?;
+        let at = prior.state.inject(&base).kinematics(dcm);
+        // The first pass fills the room, those that follow find none.
+        sensor.linearize(&at, &mut Both(&mut rows, &mut heard))?;
         if pass == 0 {
             (nis, dof) = (rows.nis, rows.dof);
         }

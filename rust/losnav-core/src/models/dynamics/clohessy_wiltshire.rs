@@ -10,6 +10,7 @@
 use num_traits::Float;
 
 use super::{DynamicsModel, Specimen};
+use crate::math::matrix::mirrored;
 use crate::math::real::Real;
 
 /// The target's orbit and the disturbance.
@@ -271,12 +272,12 @@ impl<T: Real> DynamicsModel<T, 6> for ClohessyWiltshire {
         for j in 0..6 {
             for i in PLANE {
                 for k in PLANE {
-                    half[i][j] = T::splat(step.phi[i][k]).mul_add(upper(covariance, k, j), half[i][j]);
+                    half[i][j] = T::splat(step.phi[i][k]).mul_add(covariance[k][j], half[i][j]);
                 }
             }
             for i in ACROSS {
                 for k in ACROSS {
-                    half[i][j] = T::splat(step.phi[i][k]).mul_add(upper(covariance, k, j), half[i][j]);
+                    half[i][j] = T::splat(step.phi[i][k]).mul_add(covariance[k][j], half[i][j]);
                 }
             }
         }
@@ -297,13 +298,8 @@ impl<T: Real> DynamicsModel<T, 6> for ClohessyWiltshire {
                 }
             }
         }
-        out
+        mirrored(&out)
     }
-}
-
-#[inline(always)]
-fn upper<T: Real>(s: &[[T; 6]; 6], i: usize, j: usize) -> T {
-    if i <= j { s[i][j] } else { s[j][i] }
 }
 
 impl Specimen<6> for ClohessyWiltshire {

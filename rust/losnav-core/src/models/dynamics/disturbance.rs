@@ -52,7 +52,7 @@ pub fn accumulate<T: Real>(path: &impl Path<T>, state: &[T; 6], span: f64, psd: 
         (x, sum) = carried(path, time + direction * at * size, direction * (1.0 - at) * size, &x, &sum);
         time += direction * size;
         if last {
-            return symmetric(&sum);
+            return sum;
         }
     }
     [[T::splat(f64::NAN); 6]; 6]
@@ -68,16 +68,4 @@ fn carried<T: Real>(
 ) -> ([T; 6], [[T; 6]; 6]) {
     let (moved, phi) = path.advance(time, dt, x);
     (moved, congruence(&phi, sum))
-}
-
-/// The matrix of an upper triangle.
-#[inline(always)]
-pub fn symmetric<T: Real>(upper: &[[T; 6]; 6]) -> [[T; 6]; 6] {
-    let mut whole = *upper;
-    for i in 0..6 {
-        for j in 0..i {
-            whole[i][j] = upper[j][i];
-        }
-    }
-    whole
 }
