@@ -13,6 +13,7 @@ mod inputs;
 #[cfg(target_arch = "x86_64")]
 mod lanes;
 mod los;
+mod measured;
 mod observability;
 mod pose;
 mod robust;

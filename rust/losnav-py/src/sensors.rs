@@ -2,7 +2,7 @@
 //! velocities, `(B, 3, 3)` attitudes, and a sensor's own arrays with a leading dimension of `B` or 1.
 use losnav_core::error::ModelError;
 use losnav_core::models::kinematics::Kinematics;
-use losnav_core::models::linearization::{Recorder, Row, Weight};
+use losnav_core::models::linearization::{Recorder, Row};
 use losnav_core::models::sensors::{Law, LineOfSight, Range, RangeBearing, RangeRate, SensorModel};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -11,6 +11,7 @@ use rayon::prelude::*;
 use crate::attitude::is_rotation;
 use crate::convert::{self, Floats};
 use crate::errors::{InvalidInputError, choice_error, shape_error};
+use crate::measured::Measured;
 
 /// Below this many measurement rows threads cost more than they save.
 const SERIAL: usize = 1 << 13;
@@ -30,41 +31,12 @@ impl<'a> Parameter<'a> {
     }
 }
 
-/// How a listed sensor is made of the arrays its dataclass holds, measuring zero: its innovation is then `−h(x)`.
-trait Parameters {
-    fn show(parameters: &[Parameter<'_>], k: usize, law: &mut impl Law<f64>);
-}
-
-impl Parameters for LineOfSight<'_, f64> {
-    fn show(parameters: &[Parameter<'_>], k: usize, law: &mut impl Law<f64>) {
-        let landmarks = parameters.first().map_or(&[][..], |p| p.of(k).as_chunks::<3>().0);
-        let los = vec![[0.0; 3]; landmarks.len()];
-        law.examine(&LineOfSight { landmarks, los: &los, weights: &[Weight::Scalar(1.0)] });
-    }
-}
-
-/// The target, the first array of every sensor of one.
-fn target(parameters: &[Parameter<'_>], k: usize) -> [f64; 3] {
-    parameters.first().and_then(|p| p.of(k).first_chunk::<3>().copied()).unwrap_or([f64::NAN; 3])
-}
-
-impl Parameters for RangeBearing<f64> {
-    fn show(parameters: &[Parameter<'_>], k: usize, law: &mut impl Law<f64>) {
-        let target = target(parameters, k);
-        law.examine(&RangeBearing { measurement: [0.0; 3], sigma_range: 1.0, sigma_angle: 1.0, target });
-    }
-}
-
-impl Parameters for Range<f64> {
-    fn show(parameters: &[Parameter<'_>], k: usize, law: &mut impl Law<f64>) {
-        law.examine(&Range { measurement: [0.0], sigma: 1.0, target: target(parameters, k) });
-    }
-}
-
-impl Parameters for RangeRate<f64> {
-    fn show(parameters: &[Parameter<'_>], k: usize, law: &mut impl Law<f64>) {
-        law.examine(&RangeRate { measurement: [0.0], sigma: 1.0, target: target(parameters, k) });
-    }
+/// Shows the sensor of state `k`, which measured zero with unit noise: its innovation is then `−h(x)`.
+fn show<S: Measured>(parameters: &[Parameter<'_>], k: usize, law: &mut impl Law<f64>) {
+    let place = parameters.first().map_or(&[][..], |p| p.of(k));
+    let fields: Vec<&[f64]> =
+        (0..S::FIELDS.len()).map(|field| if field == S::PLACE { place } else { &[1.0] }).collect();
+    S::show(&fields, &vec![0.0; S::size(&fields).0], law);
 }
 
 /// Writes the predicted measurement and its Jacobian of one state.
@@ -122,18 +94,18 @@ struct Rows {
 }
 
 /// Predictions `(B, M)` and Jacobians `(B, M, 9)` of a sensor, or the first state where it is undefined.
-fn linearize<S: Parameters>(
+fn linearize<S: Measured>(
     parameters: &[Parameter<'_>],
     observers: &Observers<'_>,
 ) -> Result<Rows, (usize, ModelError)> {
     let count = observers.positions.len();
     let mut rows = Count(0);
-    S::show(parameters, 0, &mut rows);
+    show::<S>(parameters, 0, &mut rows);
     let Count(rows) = rows;
     let (mut predicted, mut jacobian) = (vec![0.0; count * rows], vec![0.0; count * rows * COLUMNS]);
     let one = |(k, (predicted, jacobian)): (usize, (&mut [f64], &mut [f64]))| {
         let mut write = Write { x: observers.get(k), rows: Vec::new(), predicted, jacobian, outcome: Ok(()) };
-        S::show(parameters, k, &mut write);
+        show::<S>(parameters, k, &mut write);
         write.outcome.map_err(|error| (k, error))
     };
     let size = rows.max(1);

@@ -1,7 +1,8 @@
 //! What of the core comes in every width: a covariance form and a dynamics model, for any lanes.
 use losnav_core::estimators::kalman::{Covariance, Joseph, Ud};
 use losnav_core::math::real::Real;
-use losnav_core::models::dynamics::{ClohessyWiltshire, DynamicsModel, TwoBody};
+// Every model of the list.
+use losnav_core::models::dynamics::*;
 
 /// A covariance form, for any scalar and size.
 pub trait Form: Clone + Send + Sync + 'static {

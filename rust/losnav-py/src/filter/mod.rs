@@ -368,10 +368,10 @@ fn acceleration(control: Option<&Bound<'_, PyAny>>) -> PyResult<[f64; 3]> {
     }
 }
 
-type Given2<'py> = (Option<Bound<'py, PyAny>>, Option<Bound<'py, PyAny>>);
+type Told<'py> = (Option<Bound<'py, PyAny>>, Option<Bound<'py, PyAny>>);
 
 /// `dcm` and `landmarks`.
-fn read_context<'py>(context: &Bound<'py, PyDict>) -> PyResult<Given2<'py>> {
+fn read_context<'py>(context: &Bound<'py, PyDict>) -> PyResult<Told<'py>> {
     let (mut dcm, mut landmarks) = (None, None);
     for (key, value) in context {
         let key = key.cast::<PyString>()?;

@@ -1,0 +1,117 @@
+//! The listed sensors as Python knows them: what of a dataclass makes the engine's struct, whatever is asked of it.
+use losnav_core::models::linearization::Weight;
+use losnav_core::models::sensors::{Law, LineOfSight, Range, RangeBearing, RangeRate};
+
+use crate::dispatch::Lanes;
+
+/// How a listed sensor is made of the arrays its Python object holds and a measurement.
+pub trait Measured {
+    /// Attributes of the Python object.
+    const FIELDS: &'static [&'static str];
+    /// Which of them a prediction needs, and may be told anew; the others are noise.
+    const PLACE: usize;
+    /// Does the measurement depend on the attitude?
+    const NEEDS_ATTITUDE: bool;
+    /// Numbers in a measurement, and how many of them are independent.
+    fn size<A: AsRef<[f64]>>(fields: &[A]) -> (usize, usize);
+    /// Shows the sensor that measured `z`.
+    fn show<V: Lanes, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>);
+}
+
+#[inline(always)]
+fn scalar<V: Lanes, A: AsRef<[f64]>>(fields: &[A], field: usize) -> V {
+    V::splat(fields.get(field).and_then(|f| f.as_ref().first()).copied().unwrap_or(f64::NAN))
+}
+
+#[inline(always)]
+fn triple<V: Lanes, A: AsRef<[f64]>>(fields: &[A], field: usize) -> [V; 3] {
+    match fields.get(field).map(AsRef::as_ref) {
+        Some(&[x, y, z]) => [V::splat(x), V::splat(y), V::splat(z)],
+        _ => [V::splat(f64::NAN); 3],
+    }
+}
+
+#[inline(always)]
+fn first<V: Lanes, const M: usize>(z: &[V]) -> [V; M] {
+    z.first_chunk::<M>().copied().unwrap_or([V::splat(f64::NAN); M])
+}
+
+impl Measured for LineOfSight<'_, f64> {
+    const FIELDS: &'static [&'static str] = &["landmarks", "sigma"];
+    const PLACE: usize = 0;
+    const NEEDS_ATTITUDE: bool = true;
+
+    fn size<A: AsRef<[f64]>>(fields: &[A]) -> (usize, usize) {
+        let n = fields.first().map_or(0, |landmarks| landmarks.as_ref().len() / 3);
+        (3 * n, 2 * n)
+    }
+
+    #[inline(always)]
+    fn show<V: Lanes, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>) {
+        let [points, sigmas] = fields else { return };
+        let (points, sigmas) = (points.as_ref(), sigmas.as_ref());
+        let mut landmarks = Vec::with_capacity(points.len() / 3);
+        for p in points.as_chunks::<3>().0 {
+            landmarks.push([V::splat(p[0]), V::splat(p[1]), V::splat(p[2])]);
+        }
+        let mut weights = Vec::with_capacity(sigmas.len());
+        for sigma in sigmas {
+            weights.push(Weight::Scalar(V::splat(1.0 / (sigma * sigma))));
+        }
+        law.examine(&LineOfSight { landmarks: &landmarks, los: z.as_chunks::<3>().0, weights: &weights });
+    }
+}
+
+impl Measured for RangeBearing<f64> {
+    const FIELDS: &'static [&'static str] = &["sigma_range", "sigma_angle", "target"];
+    const PLACE: usize = 2;
+    const NEEDS_ATTITUDE: bool = true;
+
+    fn size<A: AsRef<[f64]>>(_fields: &[A]) -> (usize, usize) {
+        (3, 3)
+    }
+
+    #[inline(always)]
+    fn show<V: Lanes, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>) {
+        law.examine(&RangeBearing {
+            measurement: first(z),
+            sigma_range: scalar(fields, 0),
+            sigma_angle: scalar(fields, 1),
+            target: triple(fields, 2),
+        });
+    }
+}
+
+impl Measured for Range<f64> {
+    const FIELDS: &'static [&'static str] = &["sigma", "target"];
+    const PLACE: usize = 1;
+    const NEEDS_ATTITUDE: bool = false;
+
+    fn size<A: AsRef<[f64]>>(_fields: &[A]) -> (usize, usize) {
+        (1, 1)
+    }
+
+    #[inline(always)]
+    fn show<V: Lanes, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>) {
+        law.examine(&Range { measurement: first(z), sigma: scalar(fields, 0), target: triple(fields, 1) });
+    }
+}
+
+impl Measured for RangeRate<f64> {
+    const FIELDS: &'static [&'static str] = &["sigma", "target"];
+    const PLACE: usize = 1;
+    const NEEDS_ATTITUDE: bool = false;
+
+    fn size<A: AsRef<[f64]>>(_fields: &[A]) -> (usize, usize) {
+        (1, 1)
+    }
+
+    #[inline(always)]
+    fn show<V: Lanes, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>) {
+        law.examine(&RangeRate {
+            measurement: first(z),
+            sigma: scalar(fields, 0),
+            target: triple(fields, 1),
+        });
+    }
+}
