@@ -6,9 +6,10 @@ Times are epochs of the caller's clock: a model that changes with time is told w
 """
 
 from losnav.dynamics.clohessy_wiltshire import ClohessyWiltshire
+from losnav.dynamics.relative_two_body import RelativeTwoBody
 from losnav.dynamics.two_body import TwoBody
 
-__all__ = ["LISTED", "ClohessyWiltshire", "TwoBody"]
+__all__ = ["LISTED", "ClohessyWiltshire", "RelativeTwoBody", "TwoBody"]
 
 #: Models the engine knows itself; a subclass of one is a user's model.
-LISTED: tuple[type, ...] = (ClohessyWiltshire, TwoBody)
+LISTED: tuple[type, ...] = (ClohessyWiltshire, RelativeTwoBody, TwoBody)

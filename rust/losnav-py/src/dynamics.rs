@@ -1,11 +1,23 @@
 //! The listed dynamics over whole arrays: `losnav.dynamics`. Arguments come checked from there: `(B, N)` states,
 //! `(B, 3)` controls, `(B,)` time steps.
-use losnav_core::models::dynamics::{ClohessyWiltshire, DynamicsModel, TwoBody};
+use std::sync::Arc;
+
+use losnav_core::models::dynamics::DynamicsModel;
+use losnav_core::models::dynamics::relative_two_body::Fix;
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
 use crate::convert::{self, Floats, ScalarOrArray};
 use crate::errors::{choice_error, shape_error};
+use listed::{ClohessyWiltshire, RelativeTwoBody, TwoBody};
+
+/// The names of `losnav_core::dynamics!`, each a type without parameters: import them where the list is used.
+pub mod listed {
+    pub use losnav_core::models::dynamics::{ClohessyWiltshire, TwoBody};
+
+    /// With its fixes behind a shared pointer.
+    pub type RelativeTwoBody = losnav_core::models::dynamics::RelativeTwoBody<super::Arc<[super::Fix]>>;
+}
 
 /// Below this many numbers in the result threads cost more than they save.
 const SERIAL: usize = 1 << 16;
@@ -27,6 +39,17 @@ impl Parameters for TwoBody {
     fn from_parameters(parameters: &[f64]) -> Option<Self> {
         let &[mu, j2, radius, acceleration_psd] = parameters else { return None };
         Some(Self { mu, j2, radius, acceleration_psd })
+    }
+}
+
+impl Parameters for RelativeTwoBody {
+    fn from_parameters(parameters: &[f64]) -> Option<Self> {
+        let (planet, fixes) = parameters.split_first_chunk::<4>()?;
+        let (fixes, rest) = fixes.as_chunks::<7>();
+        let fix = |&[time, x, y, z, u, v, w]: &[f64; 7]| Fix { time, state: [x, y, z, u, v, w] };
+        let chaser = fixes.iter().map(fix).collect();
+        let complete = rest.is_empty() && !fixes.is_empty();
+        complete.then_some(Self { planet: TwoBody::from_parameters(planet)?, chaser })
     }
 }
 

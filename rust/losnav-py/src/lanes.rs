@@ -10,7 +10,7 @@
 use core::arch::x86_64::*;
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-use losnav_core::math::real::{Mask, Real};
+use losnav_core::math::real::{Mask, Real, Work};
 
 use crate::dispatch::Lanes;
 
@@ -166,6 +166,10 @@ impl Real for F64x4 {
     #[inline(always)]
     fn round(self) -> Self {
         Self(unsafe { _mm256_round_pd::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(self.0) })
+    }
+    #[inline(always)]
+    fn apart<W: Work>(work: W) -> W::Output {
+        unsafe { apart4(work) }
     }
     #[inline(always)]
     fn lt(self, other: Self) -> Mask4 {
@@ -325,6 +329,10 @@ impl Real for F64x8 {
         Self(unsafe { _mm512_roundscale_pd::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(self.0) })
     }
     #[inline(always)]
+    fn apart<W: Work>(work: W) -> W::Output {
+        unsafe { apart8(work) }
+    }
+    #[inline(always)]
     fn lt(self, other: Self) -> Mask8 {
         Mask8(unsafe { _mm512_cmp_pd_mask::<_CMP_LT_OQ>(self.0, other.0) })
     }
@@ -432,6 +440,10 @@ impl Real for Fused {
         Self(Real::round(self.0))
     }
     #[inline(always)]
+    fn apart<W: Work>(work: W) -> W::Output {
+        unsafe { apart4(work) }
+    }
+    #[inline(always)]
     fn lt(self, other: Self) -> bool {
         self.0 < other.0
     }
@@ -464,4 +476,18 @@ impl Lanes for Fused {
             *out = self.0;
         }
     }
+}
+
+/// [`Real::apart`] of the types that need AVX2 and FMA.
+#[inline(never)]
+#[target_feature(enable = "avx2,fma")]
+fn apart4<W: Work>(work: W) -> W::Output {
+    work.run()
+}
+
+/// [`Real::apart`] of the type that needs AVX-512.
+#[inline(never)]
+#[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
+fn apart8<W: Work>(work: W) -> W::Output {
+    work.run()
 }

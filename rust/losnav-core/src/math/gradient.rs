@@ -5,7 +5,7 @@
 //! value as without, bit for bit, and takes the same steps where it chooses them.
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-use super::real::Real;
+use super::real::{Real, Work};
 
 /// A value and its gradient.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -145,6 +145,18 @@ impl<T: Real, const N: usize> Real for Gradient<T, N> {
             slope[i] = self.slope[i].mul_add(a.value, self.value.mul_add(a.slope[i], slope[i]));
         }
         Self { value: self.value.mul_add(a.value, b.value), slope }
+    }
+    #[inline(always)]
+    fn plus(self, factor: f64, other: Self) -> Self {
+        let mut slope = self.slope;
+        for i in 0..N {
+            slope[i] = slope[i].plus(factor, other.slope[i]);
+        }
+        Self { value: self.value.plus(factor, other.value), slope }
+    }
+    #[inline(always)]
+    fn apart<W: Work>(work: W) -> W::Output {
+        T::apart(work)
     }
     #[inline(always)]
     fn sqrt(self) -> Self {

@@ -102,9 +102,8 @@ fn weighted<T: Real, const N: usize>(
     let mut sum = *x;
     for stage in 0..STAGES {
         if weights[stage] != 0.0 {
-            let factor = T::splat(h * weights[stage]);
             for i in 0..N {
-                sum[i] = factor.mul_add(slopes[stage][i], sum[i]);
+                sum[i] = sum[i].plus(h * weights[stage], slopes[stage][i]);
             }
         }
     }

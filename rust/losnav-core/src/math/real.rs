@@ -50,6 +50,20 @@ impl Mask for bool {
     }
 }
 
+/// Something to do, arguments included. `run` must be `#[inline(always)]`.
+pub trait Work {
+    /// What comes of it.
+    type Output;
+    /// Does it.
+    fn run(self) -> Self::Output;
+}
+
+/// The function of its own that [`Real::apart`] speaks of, for types that need no instruction set.
+#[inline(never)]
+fn do_apart<W: Work>(work: W) -> W::Output {
+    work.run()
+}
+
 /// A real number, or several side by side.
 ///
 /// Every method of every implementation must be `#[inline(always)]`: kernels run inside functions compiled for
@@ -110,6 +124,18 @@ pub trait Real:
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
     /// Sum over the lanes, pairwise.
     fn sum_lanes(self) -> f64;
+
+    /// `self + factor · other` of a plain number.
+    #[inline(always)]
+    fn plus(self, factor: f64, other: Self) -> Self {
+        Self::splat(factor).mul_add(other, self)
+    }
+    /// Does large work in a function of its own, compiled for the instruction set of this type: one copy of it, however
+    /// many kernels call it.
+    #[inline(always)]
+    fn apart<W: Work>(work: W) -> W::Output {
+        do_apart(work)
+    }
 
     /// Neither infinite nor NaN.
     #[inline(always)]

@@ -10,9 +10,12 @@ pub mod clohessy_wiltshire;
 pub mod disturbance;
 pub mod field;
 pub mod kepler;
+pub mod lvlh;
+pub mod relative_two_body;
 pub mod two_body;
 
 pub use clohessy_wiltshire::ClohessyWiltshire;
+pub use relative_two_body::RelativeTwoBody;
 pub use two_body::TwoBody;
 
 /// How a state with `N` tangent components moves: `(x, u, dt) → (x', Φ, Q)`.
@@ -58,10 +61,11 @@ pub trait Specimen<const N: usize>: Sized + DynamicsModel<f64, N> {
     fn specimen() -> (Self, Self::State, Self::Control, f64);
 }
 
-/// THE list of dynamics: calls `$then!{Name: size, …}`.
+/// THE list of dynamics: calls `$then!{Name: size, …}`. A name is a type without parameters where the macro is called: who
+/// uses the list says how [`RelativeTwoBody`] keeps its fixes by an alias.
 #[macro_export]
 macro_rules! dynamics {
     ($then:ident) => {
-        $then! { ClohessyWiltshire: 6, TwoBody: 6 }
+        $then! { ClohessyWiltshire: 6, TwoBody: 6, RelativeTwoBody: 6 }
     };
 }

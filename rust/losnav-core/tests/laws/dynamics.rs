@@ -1,10 +1,14 @@
 //! Laws of every dynamics in the list.
 use losnav_core::math::matrix::{congruence, mirrored};
+use losnav_core::models::dynamics::relative_two_body::Fix;
 use losnav_core::models::dynamics::{ClohessyWiltshire, DynamicsModel, Specimen, TwoBody};
 use nalgebra::{SMatrix, SVector};
 
 use crate::dual::First;
 use crate::{SAME_FORMULA, assert_close, largest};
+
+/// With one fix: more are jumps of the path, which do not compose.
+type RelativeTwoBody = losnav_core::models::dynamics::RelativeTwoBody<[Fix; 1]>;
 
 /// A model whose state is an array and whose control is an acceleration.
 trait Vector<const N: usize>: Specimen<N> + DynamicsModel<f64, N, State = [f64; N], Control = [f64; 3]> {}

@@ -1,8 +1,7 @@
 //! What of the core comes in every width: a covariance form and a dynamics model, for any lanes.
 use losnav_core::estimators::kalman::{Covariance, Joseph, Ud};
 use losnav_core::math::real::Real;
-// Every model of the list.
-use losnav_core::models::dynamics::*;
+use losnav_core::models::dynamics::{ClohessyWiltshire, DynamicsModel, TwoBody};
 
 /// A covariance form, for any scalar and size.
 pub trait Form: Clone + Send + Sync + 'static {
@@ -44,6 +43,15 @@ pub trait Widths<const N: usize>: Clone + Send + Sync + 'static {
     fn of<T: Real>(&self) -> &Self::Of<T>;
 }
 
+/// The models the filter holds itself: calls `$then!{Name: size, …}`. Each is compiled with every form, so those of the list
+/// that are not here run through Python, like a user's own.
+macro_rules! held {
+    ($then:ident) => {
+        $then! { ClohessyWiltshire: 6, TwoBody: 6 }
+    };
+}
+pub(crate) use held;
+
 macro_rules! every_width {
     ($($listed:ident: $n:literal),* $(,)?) => {
         $(impl Widths<$n> for $listed {
@@ -57,4 +65,4 @@ macro_rules! every_width {
         })*
     };
 }
-losnav_core::dynamics! { every_width }
+held! { every_width }

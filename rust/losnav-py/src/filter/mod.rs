@@ -68,7 +68,7 @@ fn in_form<F: Form>(name: Option<&str>, parameters: &[f64], n: usize) -> PyResul
         macro_rules! choose {
             ($($listed:ident: $size:literal),* $(,)?) => {
                 $(if name == stringify!($listed) {
-                    let model = losnav_core::models::dynamics::$listed::from_parameters(parameters)
+                    let model = crate::dynamics::listed::$listed::from_parameters(parameters)
                         .ok_or_else(|| shape_error("parameters", "those of the model", &[parameters.len()]))?;
                     return Ok(Box::new(Listed::<_, F, $size>::new(Core::new($size), model)));
                 })*

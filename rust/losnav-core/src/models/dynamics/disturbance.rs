@@ -4,8 +4,8 @@
 //! by construction, and composes, `Q(s + t) = Φ(t) Q(s) Φ(t)ᵀ + Q(t)`. Five nodes over a fifth of a radian leave less than 1e-14.
 use num_traits::Float;
 
-use super::congruence;
-use crate::math::real::Real;
+use crate::math::matrix::congruence;
+use crate::math::real::{Real, Work};
 
 /// Nodes and weights of Gauss's formula of five points over `(0, 1)`.
 pub const NODES: [(f64, f64); 5] = [
@@ -29,43 +29,49 @@ pub trait Path<T: Real> {
 /// `Q` over `|span|` of a path that starts at `state`, at time 0.
 #[inline(always)]
 pub fn accumulate<T: Real>(path: &impl Path<T>, state: &[T; 6], span: f64, psd: f64) -> [[T; 6]; 6] {
-    let mut sum = [[T::zero(); 6]; 6];
     if psd == 0.0 || span == 0.0 {
-        return sum;
+        return [[T::zero(); 6]; 6];
     }
-    let (mut x, mut time) = (*state, 0.0);
-    let direction = if span < 0.0 { -1.0 } else { 1.0 };
-    for _ in 0..MAX_PANELS {
-        let left = Float::abs(span - time);
-        let panels = Float::ceil(left / (0.2 * path.pace(&x)));
-        let last = panels.is_nan() || panels <= 1.0;
-        let size = if last { left } else { left / panels };
-        let mut at = 0.0;
-        for (node, weight) in NODES {
-            (x, sum) = carried(path, time + direction * at * size, direction * (node - at) * size, &x, &sum);
-            let gain = T::splat(weight * size * psd);
-            for i in 3..6 {
-                sum[i][i] += gain;
-            }
-            at = node;
-        }
-        (x, sum) = carried(path, time + direction * at * size, direction * (1.0 - at) * size, &x, &sum);
-        time += direction * size;
-        if last {
-            return sum;
-        }
-    }
-    [[T::splat(f64::NAN); 6]; 6]
+    T::apart(Sum { path, state, span, psd })
 }
 
-#[inline(always)]
-fn carried<T: Real>(
-    path: &impl Path<T>,
-    time: f64,
-    dt: f64,
-    x: &[T; 6],
-    sum: &[[T; 6]; 6],
-) -> ([T; 6], [[T; 6]; 6]) {
-    let (moved, phi) = path.advance(time, dt, x);
-    (moved, congruence(&phi, sum))
+struct Sum<'a, P, T> {
+    path: &'a P,
+    state: &'a [T; 6],
+    span: f64,
+    psd: f64,
+}
+
+impl<T: Real, P: Path<T>> Work for Sum<'_, P, T> {
+    type Output = [[T; 6]; 6];
+
+    #[inline(always)]
+    fn run(self) -> [[T; 6]; 6] {
+        let Self { path, state, span, psd } = self;
+        let (mut x, mut sum, mut time) = (*state, [[T::zero(); 6]; 6], 0.0);
+        let direction = if span < 0.0 { -1.0 } else { 1.0 };
+        for _ in 0..MAX_PANELS {
+            let left = Float::abs(span - time);
+            let panels = Float::ceil(left / (0.2 * path.pace(&x)));
+            let last = panels.is_nan() || panels <= 1.0;
+            let size = if last { left } else { left / panels };
+            let mut at = 0.0;
+            // From node to node, and from the last one to the end.
+            for (node, weight) in NODES.into_iter().chain([(1.0, 0.0)]) {
+                let (moved, phi) =
+                    path.advance(time + direction * at * size, direction * (node - at) * size, &x);
+                (x, sum) = (moved, congruence(&phi, &sum));
+                let gain = T::splat(weight * size * psd);
+                for i in 3..6 {
+                    sum[i][i] += gain;
+                }
+                at = node;
+            }
+            time += direction * size;
+            if last {
+                return sum;
+            }
+        }
+        [[T::splat(f64::NAN); 6]; 6]
+    }
 }

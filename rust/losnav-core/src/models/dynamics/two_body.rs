@@ -9,7 +9,7 @@ use super::field::Field;
 use super::{DynamicsModel, Specimen, kepler};
 use crate::math::gradient::Gradient;
 use crate::math::integrator::{Rates, integrate};
-use crate::math::real::Real;
+use crate::math::real::{Real, Work};
 use crate::math::vec3::{Vec3, dot};
 
 /// Error of a step of the integrator, relative to position and velocity.
@@ -87,29 +87,65 @@ impl<T: Real> DynamicsModel<T, 6> for TwoBody {
 
     #[inline(always)]
     fn propagate(&self, dt: &f64, state: &[T; 6], control: [T; 3]) -> [T; 6] {
-        if self.kepler(control) {
-            kepler::propagate(self.mu, *dt, state, kepler::anomaly(self.mu, *dt, state))
-        } else {
-            self.integrated(*dt, state, control)
-        }
+        T::apart(Propagate { model: self, dt: *dt, state, control })
     }
 
     #[inline(always)]
     fn transition(&self, dt: &f64, state: &[T; 6], control: [T; 3]) -> ([T; 6], [[T; 6]; 6]) {
-        let variables = Gradient::variables(state);
-        let moved = if self.kepler(control) {
-            let anomaly = Gradient::constant(kepler::anomaly(self.mu, *dt, state));
-            kepler::propagate(self.mu, *dt, &variables, anomaly)
-        } else {
-            let control = [control[0], control[1], control[2]].map(Gradient::constant);
-            self.integrated(*dt, &variables, control)
-        };
-        Gradient::split(&moved)
+        T::apart(Transit { model: self, dt: *dt, state, control })
     }
 
     #[inline(always)]
     fn process_noise(&self, dt: &f64, state: &[T; 6]) -> [[T; 6]; 6] {
         accumulate(self, state, *dt, self.acceleration_psd)
+    }
+}
+
+/// [`DynamicsModel::propagate`].
+struct Propagate<'a, T> {
+    model: &'a TwoBody,
+    dt: f64,
+    state: &'a [T; 6],
+    control: Vec3<T>,
+}
+
+impl<T: Real> Work for Propagate<'_, T> {
+    type Output = [T; 6];
+
+    #[inline(always)]
+    fn run(self) -> [T; 6] {
+        let Self { model, dt, state, control } = self;
+        if model.kepler(control) {
+            kepler::propagate(model.mu, dt, state, kepler::anomaly(model.mu, dt, state))
+        } else {
+            model.integrated(dt, state, control)
+        }
+    }
+}
+
+/// [`DynamicsModel::transition`].
+struct Transit<'a, T> {
+    model: &'a TwoBody,
+    dt: f64,
+    state: &'a [T; 6],
+    control: Vec3<T>,
+}
+
+impl<T: Real> Work for Transit<'_, T> {
+    type Output = ([T; 6], [[T; 6]; 6]);
+
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        let Self { model, dt, state, control } = self;
+        let variables = Gradient::variables(state);
+        let moved = if model.kepler(control) {
+            let anomaly = Gradient::constant(kepler::anomaly(model.mu, dt, state));
+            kepler::propagate(model.mu, dt, &variables, anomaly)
+        } else {
+            let control = [control[0], control[1], control[2]].map(Gradient::constant);
+            model.integrated(dt, &variables, control)
+        };
+        Gradient::split(&moved)
     }
 }
 
