@@ -6,10 +6,19 @@ Times are epochs of the caller's clock: a model that changes with time is told w
 """
 
 from losnav.dynamics.clohessy_wiltshire import ClohessyWiltshire
+from losnav.dynamics.curvilinear import CurvilinearClohessyWiltshire
 from losnav.dynamics.relative_two_body import RelativeTwoBody
 from losnav.dynamics.two_body import TwoBody
+from losnav.dynamics.yamanaka_ankersen import YamanakaAnkersen
 
-__all__ = ["LISTED", "ClohessyWiltshire", "RelativeTwoBody", "TwoBody"]
+__all__ = [
+    "LISTED",
+    "ClohessyWiltshire",
+    "CurvilinearClohessyWiltshire",
+    "RelativeTwoBody",
+    "TwoBody",
+    "YamanakaAnkersen",
+]
 
-#: Models the engine knows itself; a subclass of one is a user's model.
-LISTED: tuple[type, ...] = (ClohessyWiltshire, RelativeTwoBody, TwoBody)
+#: Models the filters' engine holds itself. Others, a subclass of one of these too, it asks step by step.
+LISTED: tuple[type, ...] = (ClohessyWiltshire, TwoBody)

@@ -9,7 +9,12 @@ import numpy as np
 
 from losnav._arrays import FloatArray
 
-__all__ = ["Journey"]
+__all__ = ["Journey", "started"]
+
+
+def started(dynamics: Any, time: float) -> dict[str, float]:
+    """What a model that changes with time is told of a step, as keyword arguments."""
+    return {"time": time} if getattr(dynamics, "time_varying", False) else {}
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +41,11 @@ class Journey:
             for k in reversed(range(len(time) - 1)):
                 dt = float(time[k + 1] - time[k])
                 u = self.control(run[0] if run else 0, k + 1)
-                phi = np.asarray(self.dynamics.transition(state[run][k], dt, u))
-                ahead = np.asarray(self.dynamics.propagate(state[run][k], dt, u))
+                when = started(self.dynamics, float(time[k]))
+                phi = np.asarray(self.dynamics.transition(state[run][k], dt, u, **when))
+                ahead = np.asarray(self.dynamics.propagate(state[run][k], dt, u, **when))
                 before = phi @ covariance[run][k] @ phi.T
-                before += np.asarray(self.dynamics.process_noise(state[run][k], dt))
+                before += np.asarray(self.dynamics.process_noise(state[run][k], dt, **when))
                 try:
                     np.linalg.cholesky(before)
                 except np.linalg.LinAlgError:

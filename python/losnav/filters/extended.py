@@ -28,7 +28,8 @@ class ExtendedKalmanFilter:
     ----------
     dynamics : model
         From :mod:`losnav.dynamics`, or any object with ``propagate(state, dt, control)``,
-        ``transition(state, dt, control)`` and ``process_noise(state, dt)``.
+        ``transition(state, dt, control)`` and ``process_noise(state, dt)``; with ``time_varying = True`` it
+        is also told ``time=``, when a step starts.
     state : (N,) or (runs, N)
         Estimate at ``time``; several to :meth:`run` a batch whose runs start differently.
     covariance : (N, N) or (runs, N, N)

@@ -9,7 +9,7 @@ import numpy as np
 from losnav import _core
 from losnav._arrays import ArrayLike, FloatArray, as_float64, finite
 from losnav.errors import InvalidInputError, NumericalError
-from losnav.filters.backward import Journey
+from losnav.filters.backward import Journey, started
 from losnav.filters.log import FilterLog
 from losnav.filters.step import Step
 from losnav.sensors import LineOfSight
@@ -29,10 +29,11 @@ def predict(engine: _core.Filter, dynamics: Any, dt: ArrayLike, control: ArrayLi
     if seconds == 0.0:
         return
     arguments = (x, seconds) if control is None else (x, seconds, finite(control, "control"))
-    size = x.size
-    moved = _from_model(dynamics.propagate(*arguments), "dynamics.propagate(...)", (size,))
-    phi = _from_model(dynamics.transition(*arguments), "dynamics.transition(...)", (size, size))
-    noise = _from_model(dynamics.process_noise(x, seconds), "dynamics.process_noise(...)", (size, size))
+    size, when = x.size, started(dynamics, engine.time)
+    moved = _from_model(dynamics.propagate(*arguments, **when), "dynamics.propagate(...)", (size,))
+    phi = _from_model(dynamics.transition(*arguments, **when), "dynamics.transition(...)", (size, size))
+    noise = dynamics.process_noise(x, seconds, **when)
+    noise = _from_model(noise, "dynamics.process_noise(...)", (size, size))
     if not engine.predict_given(seconds, moved, phi, noise):
         raise NumericalError(
             "predict: the predicted state or covariance is not finite; the filter is unchanged"

@@ -9,11 +9,13 @@ use rayon::prelude::*;
 
 use crate::convert::{self, Floats, ScalarOrArray};
 use crate::errors::{choice_error, shape_error};
-use listed::{ClohessyWiltshire, RelativeTwoBody, TwoBody};
+use listed::{ClohessyWiltshire, CurvilinearClohessyWiltshire, RelativeTwoBody, TwoBody, YamanakaAnkersen};
 
 /// The names of `losnav_core::dynamics!`, each a type without parameters: import them where the list is used.
 pub mod listed {
-    pub use losnav_core::models::dynamics::{ClohessyWiltshire, TwoBody};
+    pub use losnav_core::models::dynamics::{
+        ClohessyWiltshire, CurvilinearClohessyWiltshire, TwoBody, YamanakaAnkersen,
+    };
 
     /// With its fixes behind a shared pointer.
     pub type RelativeTwoBody = losnav_core::models::dynamics::RelativeTwoBody<super::Arc<[super::Fix]>>;
@@ -32,6 +34,22 @@ impl Parameters for ClohessyWiltshire {
     fn from_parameters(parameters: &[f64]) -> Option<Self> {
         let &[mean_motion, acceleration_psd] = parameters else { return None };
         Some(Self { mean_motion, acceleration_psd })
+    }
+}
+
+impl Parameters for CurvilinearClohessyWiltshire {
+    fn from_parameters(parameters: &[f64]) -> Option<Self> {
+        let &[mean_motion, radius, acceleration_psd] = parameters else { return None };
+        Some(Self { linear: ClohessyWiltshire { mean_motion, acceleration_psd }, radius })
+    }
+}
+
+impl Parameters for YamanakaAnkersen {
+    fn from_parameters(parameters: &[f64]) -> Option<Self> {
+        let &[mu, semi_major_axis, eccentricity, true_anomaly, acceleration_psd] = parameters else {
+            return None;
+        };
+        Some(Self { mu, semi_major_axis, eccentricity, true_anomaly, acceleration_psd })
     }
 }
 

@@ -7,16 +7,20 @@ use crate::math::matrix::congruence;
 use crate::math::real::Real;
 
 pub mod clohessy_wiltshire;
+pub mod curvilinear;
 pub mod disturbance;
 pub mod field;
 pub mod kepler;
 pub mod lvlh;
 pub mod relative_two_body;
 pub mod two_body;
+pub mod yamanaka_ankersen;
 
 pub use clohessy_wiltshire::ClohessyWiltshire;
+pub use curvilinear::CurvilinearClohessyWiltshire;
 pub use relative_two_body::RelativeTwoBody;
 pub use two_body::TwoBody;
+pub use yamanaka_ankersen::YamanakaAnkersen;
 
 /// How a state with `N` tangent components moves: `(x, u, dt) → (x', Φ, Q)`.
 ///
@@ -66,6 +70,12 @@ pub trait Specimen<const N: usize>: Sized + DynamicsModel<f64, N> {
 #[macro_export]
 macro_rules! dynamics {
     ($then:ident) => {
-        $then! { ClohessyWiltshire: 6, TwoBody: 6, RelativeTwoBody: 6 }
+        $then! {
+            ClohessyWiltshire: 6,
+            CurvilinearClohessyWiltshire: 6,
+            YamanakaAnkersen: 6,
+            RelativeTwoBody: 6,
+            TwoBody: 6,
+        }
     };
 }

@@ -1,7 +1,9 @@
 //! Laws of every dynamics in the list.
 use losnav_core::math::matrix::{congruence, mirrored};
 use losnav_core::models::dynamics::relative_two_body::Fix;
-use losnav_core::models::dynamics::{ClohessyWiltshire, DynamicsModel, Specimen, TwoBody};
+use losnav_core::models::dynamics::{
+    ClohessyWiltshire, CurvilinearClohessyWiltshire, DynamicsModel, Specimen, TwoBody, YamanakaAnkersen,
+};
 use nalgebra::{SMatrix, SVector};
 
 use crate::dual::First;

@@ -74,7 +74,7 @@ fn in_form<F: Form>(name: Option<&str>, parameters: &[f64], n: usize) -> PyResul
                 })*
             };
         }
-        losnav_core::dynamics! { choose }
+        family::held! { choose }
         return Err(choice_error("dynamics", "the listed models", name));
     }
     macro_rules! sizes {

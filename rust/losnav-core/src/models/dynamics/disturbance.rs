@@ -75,3 +75,33 @@ impl<T: Real, P: Path<T>> Work for Sum<'_, P, T> {
         [[T::splat(f64::NAN); 6]; 6]
     }
 }
+
+/// `B` of a control held over the step, `∫ Φ(T, t) G dt`, the same way.
+pub fn respond(path: &impl Path<f64>, span: f64) -> [[f64; 3]; 6] {
+    let mut sum = [[0.0; 3]; 6];
+    let panels = Float::ceil(Float::abs(span) / (0.2 * path.pace(&[0.0; 6])));
+    if panels.is_nan() || panels > MAX_PANELS as f64 {
+        return [[f64::NAN; 3]; 6];
+    }
+    let size = span / Float::max(panels, 1.0);
+    for panel in 0..panels as usize {
+        let (start, mut at) = (panel as f64 * size, 0.0);
+        for (node, weight) in NODES.into_iter().chain([(1.0, 0.0)]) {
+            let (_, phi) = path.advance(start + at * size, (node - at) * size, &[0.0; 6]);
+            let before = sum;
+            sum = [[0.0; 3]; 6];
+            for i in 0..6 {
+                for j in 0..3 {
+                    for k in 0..6 {
+                        sum[i][j] += phi[i][k] * before[k][j];
+                    }
+                }
+            }
+            for i in 0..3 {
+                sum[3 + i][i] += weight * size;
+            }
+            at = node;
+        }
+    }
+    sum
+}
