@@ -112,3 +112,12 @@ def test_copies_go_on_bit_by_bit(form, duplicate):
     np.testing.assert_array_equal(ekf.state, other.state)
     np.testing.assert_array_equal(ekf.covariance, other.covariance)
     assert ekf.time == other.time
+
+
+def test_what_is_no_model_says_what_it_lacks():
+    with pytest.raises(ln.InvalidInputError, match="sensor: expected an object with predict"):
+        filter_of().update(None, [1.0], dcm=AWAY)
+    with pytest.raises(ln.InvalidInputError, match="dynamics: expected an object with propagate"):
+        ln.ExtendedKalmanFilter(CAMERA, START, SPREAD)
+    with pytest.raises(ln.InvalidInputError, match="state: expected 6 components"):
+        ln.ExtendedKalmanFilter(ORBIT, START[:5], SPREAD)

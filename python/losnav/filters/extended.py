@@ -98,13 +98,14 @@ class ExtendedKalmanFilter:
         x = finite(state, "state")
         if x.ndim not in (1, 2) or not x.size:
             raise InvalidInputError(f"state: expected shape (N,) or (runs, N), got {x.shape}")
-        p = _definite(covariance, x.shape)
+        foreign.needed(dynamics, "dynamics", ("propagate", "transition", "process_noise"))
         listed = _is_listed(dynamics)
         if listed and x.shape[-1] != dynamics.state_size:
             raise InvalidInputError(
                 f"state: expected {dynamics.state_size} components for {type(dynamics).__name__}, "
                 f"got {x.shape[-1]}"
             )
+        p = _definite(covariance, x.shape)
         options: dict[str, Any] = {
             "gate": _checked_gate(gate),
             "relock_after": _whole(relock_after, "relock_after", optional=True),

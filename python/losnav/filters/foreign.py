@@ -17,7 +17,17 @@ from losnav.sensors import LineOfSight
 if TYPE_CHECKING:
     from losnav.filters.extended import ExtendedKalmanFilter
 
-__all__ = ["predict", "run", "step", "update"]
+__all__ = ["needed", "predict", "run", "step", "update"]
+
+
+def needed(model: Any, argument: str, methods: tuple[str, ...]) -> None:
+    """Refuse an object that cannot be a model, naming what it lacks."""
+    missing = [method for method in methods if not callable(getattr(model, method, None))]
+    if missing:
+        raise InvalidInputError(
+            f"{argument}: expected an object with {', '.join(methods)}; "
+            f"{type(model).__name__} has no {', '.join(missing)}"
+        )
 
 
 def predict(engine: _core.Filter, dynamics: Any, dt: ArrayLike, control: ArrayLike | None) -> None:
@@ -210,21 +220,21 @@ class _Look:
     """A sensor and what it measured, to be linearised anywhere."""
 
     def __init__(self, sensor: Any, measured: FloatArray, context: dict[str, Any]) -> None:
+        needed(sensor, "sensor", ("predict", "jacobian", "noise"))
         self.sensor, self.measured, self.context = sensor, measured, context
         self.direction = np.zeros(0)
 
     def at(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """``y = z [-] h(x)``, ``H``, ``R``."""
-        name = "sensor"
-        self.direction = np.ravel(_from_model(self.sensor.predict(x, **self.context), f"{name}.predict(...)"))
+        self.direction = np.ravel(_from_model(self.sensor.predict(x, **self.context), "sensor.predict(...)"))
         rows = self.direction.size
         z = self.measured.reshape(-1)
         if z.size != rows:
             raise InvalidInputError(f"z: expected shape ({rows},), got {self.measured.shape}")
         residual = getattr(self.sensor, "residual", None)
         y = z - self.direction if residual is None else np.asarray(residual(z, self.direction), dtype=float)
-        h = _from_model(self.sensor.jacobian(x, **self.context), f"{name}.jacobian(...)", (rows, x.size))
-        r = _from_model(self.sensor.noise(x, **self.context), f"{name}.noise(...)", (rows, rows))
+        h = _from_model(self.sensor.jacobian(x, **self.context), "sensor.jacobian(...)", (rows, x.size))
+        r = _from_model(self.sensor.noise(x, **self.context), "sensor.noise(...)", (rows, rows))
         return np.ravel(y), h, r
 
     def dof(self, rows: int) -> int:
