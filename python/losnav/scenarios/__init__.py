@@ -31,6 +31,7 @@ NAMES: Final = (
 #: Where the finished ones live: module and class. Imported on load only.
 _REGISTRY: Final = {
     "landmark-landing": ("losnav.scenarios.landmark_landing", "LandmarkLanding"),
+    "relative-navigation": ("losnav.scenarios.relative_navigation", "RelativeNavigation"),
     "star-tracker": ("losnav.scenarios.star_tracker", "StarTracker"),
 }
 
