@@ -11,7 +11,12 @@ use losnav_core::estimators::pose::LosObjective;
 use losnav_core::estimators::robust::{RobustOptions, solve_robust};
 use losnav_core::estimators::wahba::{Directions, Method as Solver, Vectors, polish};
 use losnav_core::math::so3::{dcm_from_quaternion, step};
+use losnav_core::math::trig::atan2;
 use losnav_core::math::vec3::{rotate, sub};
+use losnav_core::models::dynamics::relative_two_body::Fix;
+use losnav_core::models::dynamics::{
+    CurvilinearClohessyWiltshire, DynamicsModel, RelativeTwoBody, Specimen, TwoBody, YamanakaAnkersen,
+};
 use losnav_core::models::kinematics::Kinematics;
 use losnav_core::models::linearization::Weight;
 use losnav_core::models::sensors::LineOfSight;
@@ -108,6 +113,36 @@ pub fn visit(measure: &mut impl Measure) {
     minimal(measure);
     robust(measure, &weights);
     attitude(measure);
+    motion(measure);
+}
+
+/// Models of motion over a minute in low orbit.
+fn motion(measure: &mut impl Measure) {
+    fn of<M: Specimen<6, State = [f64; 6], Control = [f64; 3]>>(measure: &mut impl Measure) {
+        let (model, state, u, dt) = M::specimen();
+        let step = model.prepare(0.0, dt);
+        measure.measure(&format!("{}: transition", M::NAME), &mut || {
+            black_box(model.transition(&step, black_box(&state), u));
+        });
+        measure.measure(&format!("{}: process noise", M::NAME), &mut || {
+            black_box(model.process_noise(&step, black_box(&state)));
+        });
+    }
+    of::<TwoBody>(measure);
+    of::<RelativeTwoBody<[Fix; 1]>>(measure);
+    of::<CurvilinearClohessyWiltshire>(measure);
+    let (_, state, _, dt) = TwoBody::specimen();
+    let point = TwoBody { j2: 0.0, ..TwoBody::specimen().0 };
+    measure.measure("Kepler: transition", &mut || {
+        black_box(point.transition(&dt, black_box(&state), [0.0; 3]));
+    });
+    let (eccentric, _, _, dt) = YamanakaAnkersen::specimen();
+    measure.measure("YamanakaAnkersen: prepare", &mut || {
+        black_box(DynamicsModel::<f64, 6>::prepare(&eccentric, black_box(0.0), dt));
+    });
+    measure.measure("atan2", &mut || {
+        black_box(atan2(black_box(0.3), black_box(-0.4)));
+    });
 }
 
 fn linear_algebra(measure: &mut impl Measure, weights: &[Weight<f64>; 1]) {
