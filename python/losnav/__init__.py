@@ -26,11 +26,11 @@ from losnav.pose import (
 
 if TYPE_CHECKING:
     from losnav import campaign, consistency, filters, orbits, scenarios, star_tracker
-    from losnav.filters import ExtendedKalmanFilter, FilterLog, Step
+    from losnav.filters import ExtendedKalmanFilter, FilterLog, Step, UnscentedKalmanFilter
 
 # Imported when first asked for: solving poses needs none of them.
 _LATER = ("campaign", "consistency", "filters", "orbits", "scenarios", "star_tracker")
-_LATER_FROM = {"ExtendedKalmanFilter": "filters", "FilterLog": "filters", "Step": "filters"}
+_LATER_FROM = dict.fromkeys(("ExtendedKalmanFilter", "FilterLog", "Step", "UnscentedKalmanFilter"), "filters")
 
 __all__ = [
     "AttitudeSolution",
@@ -46,6 +46,7 @@ __all__ = [
     "Step",
     "Termination",
     "UnobservableError",
+    "UnscentedKalmanFilter",
     "__version__",
     "attitude",
     "campaign",

@@ -1,6 +1,7 @@
 """Filters: an estimate that is predicted and corrected, one step at a time or over whole arcs.
 
 * :class:`ExtendedKalmanFilter`: the one to use; its steps, arcs and batches of arcs run in the engine.
+* :class:`UnscentedKalmanFilter`: to compare it with; no Jacobians, NumPy.
 * :class:`Step`: what one update did.
 * :class:`FilterLog`: what an arc left behind; :meth:`FilterLog.smooth` goes back over it.
 
@@ -11,6 +12,8 @@ from __future__ import annotations
 
 from losnav.filters.extended import ExtendedKalmanFilter
 from losnav.filters.log import FilterLog
+from losnav.filters.sigma_points import UnscentedStep
 from losnav.filters.step import Step
+from losnav.filters.unscented import UnscentedKalmanFilter
 
-__all__ = ["ExtendedKalmanFilter", "FilterLog", "Step"]
+__all__ = ["ExtendedKalmanFilter", "FilterLog", "Step", "UnscentedKalmanFilter", "UnscentedStep"]

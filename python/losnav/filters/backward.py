@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from losnav._arrays import FloatArray
 
-__all__ = ["Journey", "started"]
+__all__ = ["Journey", "Travelled", "started"]
 
 
 def started(dynamics: Any, time: float) -> dict[str, float]:
     """What a model that changes with time is told of a step, as keyword arguments."""
     return {"time": time} if getattr(dynamics, "time_varying", False) else {}
+
+
+class Travelled(Protocol):
+    """An arc that can be gone back over."""
+
+    def back(
+        self, time: FloatArray, state: FloatArray, covariance: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Smoothed states and covariances of the filtered ones."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from losnav._arrays import ArrayLike, FloatArray, as_float64, finite
 from losnav.errors import InvalidInputError, NumericalError
 from losnav.filters.backward import Journey, started
 from losnav.filters.log import FilterLog
-from losnav.filters.step import Step
+from losnav.filters.step import Step, within_blocks
 from losnav.sensors import LineOfSight
 
 if TYPE_CHECKING:
@@ -262,7 +262,9 @@ def _underweighted(
     look: _Look, y: FloatArray, h: FloatArray, r: FloatArray, *, covariance: FloatArray, beta: float
 ) -> tuple[FloatArray, FloatArray]:
     """Rows that err by ``R + beta H P H'`` made rows of unit noise."""
-    return _whitened(look.sensor, look.direction, y, h, r + beta * h @ covariance @ h.T)
+    return _whitened(
+        look.sensor, look.direction, y, h, r + beta * within_blocks(look.sensor, h @ covariance @ h.T)
+    )
 
 
 def _across(directions: FloatArray) -> FloatArray:

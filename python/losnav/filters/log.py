@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from losnav._arrays import FloatArray
 from losnav._core import ArcRecord
-from losnav.filters.backward import Journey
+from losnav.filters.backward import Travelled
 
 __all__ = ["FilterLog"]
 
@@ -57,7 +57,7 @@ class FilterLog:
         rows: Sequence[int],
         dof: Sequence[int] | npt.NDArray[np.intp],
         source: ArcRecord | dict[str, npt.NDArray[Any]],
-        journey: Journey,
+        journey: Travelled,
     ) -> None:
         self.time = time
         self.dof = np.asarray(dof, dtype=np.intp)

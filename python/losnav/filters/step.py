@@ -9,8 +9,9 @@ import numpy as np
 
 from losnav._arrays import FloatArray
 from losnav._core import Step
+from losnav.sensors import LineOfSight
 
-__all__ = ["Step", "linear_update"]
+__all__ = ["Step", "linear_update", "within_blocks"]
 
 
 def linear_update(  # noqa: PLR0917 - the engine calls it by position
@@ -41,13 +42,21 @@ def linear_update(  # noqa: PLR0917 - the engine calls it by position
     innovation_covariance : (M, M)
         ``S = H P H' + R``.
     gain : (N, M)
-        ``P H' (S + beta H P H')^-1``, zero for considered components.
+        ``P H' (S + beta H P H')^-1``, zero for considered components; of several directions, ``beta H P H'``
+        of each by itself.
     """
     h = np.asarray(sensor.jacobian(state, **context), dtype=float)
     r = np.asarray(sensor.noise(state, **context), dtype=float)
     spread = h @ covariance @ h.T
     innovation_covariance = spread + r
-    weighed = innovation_covariance + underweighting * spread
+    weighed = innovation_covariance + underweighting * within_blocks(sensor, spread)
     gain = np.linalg.solve(weighed, h @ covariance).T
     gain[list(consider)] = 0.0
     return innovation_covariance, gain
+
+
+def within_blocks(sensor: Any, spread: FloatArray) -> FloatArray:
+    """What rows share with those of their own direction; rows of any other sensor are one block."""
+    if type(sensor) is not LineOfSight:
+        return spread
+    return np.asarray(spread * np.kron(np.eye(len(spread) // 3), np.ones((3, 3))))

@@ -140,7 +140,7 @@ impl<F: Form, const N: usize> Core<F, N> {
         let Some(prior) = self.all().next() else { return (Vec::new(), f64::NAN) };
         let options = given.settings.options::<N>();
         let columns = <[f64; N] as State<f64, N>>::COLUMNS;
-        let mut rows = Rows::new(columns, self.vector(given.offset), 0.0, prior.covariance);
+        let mut rows = Rows::new(columns, self.vector(given.offset), 0.0, &prior.covariance);
         for (innovation, row) in given.innovation.iter().zip(given.jacobian.chunks(self.n.max(1))) {
             rows.absorb(*innovation, &blocks::<N>(&self.vector(row)));
         }

@@ -7,12 +7,14 @@ use crate::models::state::Columns;
 
 /// An update under way: the covariance and the correction after the rows so far.
 #[derive(Clone, Copy, Debug)]
-pub struct Rows<T, P, const N: usize> {
+pub struct Rows<'a, T, P, const N: usize> {
     columns: Columns,
     /// The point of linearisation, as a correction of the prior.
     base: [T; N],
-    /// Lear's factor `β`: blocks err by `R + β H P Hᵀ`.
+    /// Lear's factor `β`: blocks err by `R + β H P⁻ Hᵀ`.
     underweighting: f64,
+    /// `P⁻`, before any row: what is added to the noise of a block must not depend on the blocks taken before it.
+    prior: &'a P,
     /// `P` after the rows so far.
     pub covariance: P,
     /// Correction of the prior by the rows so far.
@@ -24,12 +26,12 @@ pub struct Rows<T, P, const N: usize> {
     pub dof: usize,
 }
 
-impl<T: Real, P: Covariance<T, N>, const N: usize> Rows<T, P, N> {
+impl<'a, T: Real, P: Covariance<T, N>, const N: usize> Rows<'a, T, P, N> {
     /// Nothing taken yet.
     #[inline(always)]
-    pub fn new(columns: Columns, base: [T; N], underweighting: f64, covariance: P) -> Self {
+    pub fn new(columns: Columns, base: [T; N], underweighting: f64, prior: &'a P) -> Self {
         let zero = T::zero();
-        Self { columns, base, underweighting, covariance, delta: [zero; N], nis: zero, dof: 0 }
+        Self { columns, base, underweighting, prior, covariance: *prior, delta: [zero; N], nis: zero, dof: 0 }
     }
 
     /// Takes one row of unit noise: `innovation ≈ h δ`.
@@ -44,7 +46,7 @@ impl<T: Real, P: Covariance<T, N>, const N: usize> Rows<T, P, N> {
         self.dof += 1;
     }
 
-    /// Takes the rows of a block, which may err together by `β H P Hᵀ` on top of their unit noise.
+    /// Takes the rows of a block, which may err together by `β H P⁻ Hᵀ` on top of their unit noise.
     #[inline(always)]
     fn absorb_block<const M: usize, const K: usize>(
         &mut self,
@@ -59,7 +61,7 @@ impl<T: Real, P: Covariance<T, N>, const N: usize> Rows<T, P, N> {
         }
     }
 
-    /// Whitens rows again, by the Cholesky factor of `I + β H P Hᵀ`.
+    /// Whitens rows again, by the Cholesky factor of `I + β H P⁻ Hᵀ`.
     #[inline(always)]
     fn underweight<const M: usize, const K: usize>(
         &self,
@@ -69,7 +71,7 @@ impl<T: Real, P: Covariance<T, N>, const N: usize> Rows<T, P, N> {
         let beta = T::splat(self.underweighting);
         let mut noise = [[T::zero(); M]; M];
         for m in 0..M {
-            let spread = self.covariance.times(&rows[m]);
+            let spread = self.prior.times(&rows[m]);
             for k in 0..M {
                 noise[m][k] = beta * rows[k].dot(&spread);
             }
@@ -138,7 +140,7 @@ impl<T: Real, P: Covariance<T, N>, const N: usize> Rows<T, P, N> {
     }
 }
 
-impl<T: Real, P: Covariance<T, N>, const N: usize> Sink<T> for Rows<T, P, N> {
+impl<T: Real, P: Covariance<T, N>, const N: usize> Sink<T> for Rows<'_, T, P, N> {
     #[inline(always)]
     fn add<const M: usize>(&mut self, rows: &Linearization<T, M>) {
         let mut whitened = [Row::zero(); M];

@@ -66,14 +66,14 @@ where
     Z: SensorModel<T>,
 {
     let zero = [T::zero(); N];
-    let mut rows = Rows::new(S::COLUMNS, zero, 0.0, prior.covariance);
+    let mut rows = Rows::new(S::COLUMNS, zero, 0.0, &prior.covariance);
     let (mut nis, mut dof, mut delta) = (T::zero(), 0, zero);
     let mut heard = Innovations::new(innovation);
     let underweighted = u32::from(options.underweighting > 0.0);
     for pass in 0..options.iterations.max(1) + underweighted {
-        let base = if pass <= underweighted { zero } else { delta };
+        let base = if pass <= underweighted { zero } else { where_measured(&delta, nis) };
         if pass > 0 {
-            rows = Rows::new(S::COLUMNS, base, options.underweighting, prior.covariance);
+            rows = Rows::new(S::COLUMNS, base, options.underweighting, &prior.covariance);
         }
         let at = prior.state.inject(&base).kinematics(dcm);
         // The first pass fills the room, those that follow find none.
@@ -88,6 +88,16 @@ where
     let finite = posterior.state.is_finite().and(covariance.is_finite()).and(nis.is_finite());
     let accepted = nis.le(bound).and(finite);
     Ok(Updated { estimate: select(accepted, &posterior, prior), nis, dof, accepted })
+}
+
+/// The correction, none where there was no measurement (NaN): the prior is where the sensor stays defined.
+#[inline(always)]
+fn where_measured<T: Real, const N: usize>(delta: &[T; N], nis: T) -> [T; N] {
+    let mut out = *delta;
+    for i in 0..N {
+        out[i] = T::select(nis.is_finite(), delta[i], T::zero());
+    }
+    out
 }
 
 /// The correction without the components that are only considered.
