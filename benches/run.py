@@ -9,6 +9,7 @@ import argparse
 import json
 import os
 import platform
+import re
 import subprocess
 import sys
 import time
@@ -21,7 +22,7 @@ sys.path.insert(0, str(ROOT))
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
-from benches import attitude, growth, kernels, report, single  # noqa: E402
+from benches import attitude, filters, growth, kernels, report, single  # noqa: E402
 
 RESULTS = ROOT / "benches" / "RESULTS.md"
 PICTURE = ROOT / "docs" / "images" / "growth.png"
@@ -33,14 +34,19 @@ def main(arguments=None):
     parser.add_argument("--quick", action="store_true", help="under a minute, few rounds, writes nothing")
     parser.add_argument("--output", type=Path, default=None, help="file instead of benches/RESULTS.md")
     parser.add_argument("--rounds", type=int, default=None, help="interleaved rounds of each table")
+    parser.add_argument("--only-filters", action="store_true", help="that section alone, the others kept")
     options = parser.parse_args(arguments)
     quick = options.quick
     rounds = options.rounds or (3 if quick else 25)
+    if options.only_filters:
+        _replace_section(_filter_section(quick, rounds), options.output or (None if quick else RESULTS))
+        return
     parts = [report.head(machine(), versions(), quick)]
     parts += _single_tables(quick, rounds)
     parts += _batch_tables(quick, rounds)
     _say("attitude from vectors")
     parts.append(attitude.section(quick, rounds))
+    parts.append(_filter_section(quick, rounds))
     if not quick:
         parts.append(report.kernels(kernels.criterion(), kernels.instructions(), kernels.public_call()))
         parts.append(report.WHY)
@@ -100,6 +106,27 @@ def _batch_tables(quick, rounds):
     return parts
 
 
+def _filter_section(quick, rounds):
+    _say("filters")
+    return report.filters(filters.tables(quick=quick, rounds=rounds))
+
+
+def _replace_section(section, path):
+    """One section of the results, measured by itself: the machine's state is noted under its heading."""
+    title, rest = section.split("\n", 1)
+    section = f"{title}\n\nMeasured by itself: {machine()}; {versions()}.\n{rest}"
+    if path is None:
+        print(section)
+        return
+    parts = re.split(r"(?m)^(?=## )", path.read_text(encoding="utf-8"))
+    places = [i for i, part in enumerate(parts) if part.startswith(title)]
+    kernels_at = next((i for i, part in enumerate(parts) if part.startswith("## Kernels")), len(parts))
+    at, end = (places[0], places[0] + 1) if places else (kernels_at, kernels_at)
+    parts[at:end] = [section + "\n"]
+    path.write_text("".join(parts), encoding="utf-8")
+    print(f"written: {path}")
+
+
 def _alternating(repeats, sizes, rounds, extra):
     """Runs of one and two threads in turn; of each number the best run (the other runs met other work)."""
     best = {}
@@ -133,7 +160,16 @@ def machine():
 
 def versions():
     """Python and everybody timed."""
-    names = ["losnav", "numpy", "scipy", "opencv-python-headless", "poselib", "numba"]
+    names = [
+        "losnav",
+        "numpy",
+        "scipy",
+        "opencv-python-headless",
+        "poselib",
+        "numba",
+        "filterpy",
+        "stonesoup",
+    ]
     found = [f"Python {platform.python_version()}"]
     for name in names:
         try:
