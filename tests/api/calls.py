@@ -26,6 +26,7 @@ ORBIT = ln.dynamics.ClohessyWiltshire(2.0**-10, 2.0**-20)
 PLANET = ln.dynamics.TwoBody(2.0**48, 2.0**-20, j2=2.0**-10, radius=2.0**22)
 AROUND = np.array([2.0**23, 2.0**21, -(2.0**22), 1024.0, 5120, 512])
 SENSOR = ln.sensors.LineOfSight(LANDMARKS, 2.0**-12)
+NEIGHBOUR = ln.dynamics.RelativeTwoBody(2.0**48, AROUND, 0.0, 2.0**-20)
 TARGET = LANDMARKS[2]
 CAMERA = ln.sensors.RangeBearing(0.25, 2.0**-10)
 LASER, DOPPLER = ln.sensors.Range(0.25), ln.sensors.RangeRate(2.0**-7)
@@ -126,6 +127,15 @@ CALLS = {
     "ClohessyWiltshire.process_noise": Call(ORBIT.process_noise, {"state": STATE}, {"dt": 60.0}),
     "TwoBody.propagate": Call(PLANET.propagate, {"state": AROUND, "control": CONTROL}, {"dt": 60.0}),
     "TwoBody.transition": Call(PLANET.transition, {"state": AROUND}, {"dt": 60.0, "time": 5.0}),
+    "RelativeTwoBody.propagate": Call(
+        NEIGHBOUR.propagate, {"state": STATE, "control": CONTROL}, {"dt": 60.0, "time": 5.0}
+    ),
+    "orbits.relative_state": Call(ln.orbits.relative_state, {"chaser": AROUND + STATE, "target": AROUND}, {}),
+    "orbits.target_state": Call(ln.orbits.target_state, {"relative": STATE, "chaser": AROUND}, {}),
+    "orbits.lvlh_rate": Call(ln.orbits.lvlh_rate, {"position": STATE[:3], "velocity": LANDMARKS[3]}, {}),
+    "orbits.curvilinear_from_lvlh": Call(
+        ln.orbits.curvilinear_from_lvlh, {"relative": STATE}, {"radius": 2.0**23}
+    ),
     "LineOfSight.predict": Call(SENSOR.predict, {"state": STATE, "dcm": DCM}, {}),
     "LineOfSight.jacobian": Call(SENSOR.jacobian, {"state": STATE, "dcm": DCM}, {}),
     "RangeBearing.predict": Call(CAMERA.predict, {"state": STATE, "dcm": DCM, "target": TARGET}, {}),

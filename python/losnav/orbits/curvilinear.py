@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from losnav._arrays import ArrayLike, FloatArray, positive, together, vectors
+from losnav._arrays import ArrayLike, FloatArray, in_range, positive, together, vectors
 
 
+@np.errstate(all="ignore")
 def curvilinear_from_lvlh(relative: ArrayLike, radius: ArrayLike) -> FloatArray:
     """Relative state along the orbit's circle instead of its tangent: spherical coordinates about the planet.
 
@@ -52,7 +53,7 @@ def curvilinear_from_lvlh(relative: ArrayLike, radius: ArrayLike) -> FloatArray:
     v_distance = (flat * v_flat + across * v_across) / distance
     turn = (height * v_along + along * v_depth) / flat**2
     lift = (flat * v_across - across * v_flat) / distance**2
-    return np.stack(
+    moved: FloatArray = np.stack(
         [
             around * np.arctan2(along, height),
             around * np.arctan2(across, flat),
@@ -64,8 +65,10 @@ def curvilinear_from_lvlh(relative: ArrayLike, radius: ArrayLike) -> FloatArray:
         ],
         axis=-1,
     )
+    return in_range(moved, "relative or radius")
 
 
+@np.errstate(all="ignore")
 def lvlh_from_curvilinear(curvilinear: ArrayLike, radius: ArrayLike) -> FloatArray:
     """Cartesian state in the target's orbital frame: the inverse of :func:`curvilinear_from_lvlh`.
 
@@ -101,7 +104,7 @@ def lvlh_from_curvilinear(curvilinear: ArrayLike, radius: ArrayLike) -> FloatArr
     # R - s cos(theta) without the difference of two large numbers.
     versed = 2 * np.sin(0.5 * theta) ** 2
     below = depth * np.cos(phi) + 2 * around * np.sin(0.5 * phi) ** 2
-    return np.stack(
+    moved: FloatArray = np.stack(
         [
             flat * np.sin(theta),
             distance * np.sin(phi),
@@ -112,6 +115,7 @@ def lvlh_from_curvilinear(curvilinear: ArrayLike, radius: ArrayLike) -> FloatArr
         ],
         axis=-1,
     )
+    return in_range(moved, "relative or radius")
 
 
 def _arguments(state: ArrayLike, radius: ArrayLike) -> list[FloatArray]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from losnav._arrays import ArrayLike, FloatArray, finite, in_range, positive, together, vectors
+from losnav._arrays import ArrayLike, FloatArray, in_range, positive, together, vectors
 from losnav.errors import InvalidInputError
 
 # Each round of target_state gains the ratio of separation to radius, at most a half; 1e-16 of a half.
 _ROUNDS = 60
 
 
+@np.errstate(all="ignore")
 def mean_motion(mu: ArrayLike, semi_major_axis: ArrayLike) -> FloatArray:
     """Mean motion of an orbit, ``sqrt(mu / a^3)``.
 
@@ -39,9 +40,10 @@ def mean_motion(mu: ArrayLike, semi_major_axis: ArrayLike) -> FloatArray:
     """
     a = positive(semi_major_axis, "semi_major_axis")
     rate: FloatArray = np.sqrt(positive(mu, "mu") / a) / a
-    return rate
+    return in_range(rate, "mu or semi_major_axis")
 
 
+@np.errstate(all="ignore")
 def lvlh_from_inertial(position: ArrayLike, velocity: ArrayLike) -> FloatArray:
     """Axes of the orbital frame: ``dcm`` with ``v_lvlh = dcm @ v_inertial``.
 
@@ -75,9 +77,10 @@ def lvlh_from_inertial(position: ArrayLike, velocity: ArrayLike) -> FloatArray:
     if not (size > 0.0).all():
         raise InvalidInputError("velocity: expected one that is not along the position, which spans no plane")
     y = -h / size
-    return np.stack([np.cross(y, z), y, z], axis=-2)
+    return in_range(np.stack([np.cross(y, z), y, z], axis=-2), "position or velocity")
 
 
+@np.errstate(all="ignore")
 def lvlh_rate(position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike | None = None) -> FloatArray:
     """Angular rate of the orbital frame in its own axes, ``(0, -h/r^2, -r a_h/h)``, exact.
 
@@ -115,9 +118,10 @@ def lvlh_rate(position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike 
         a = vectors(acceleration, "acceleration")
         roll = -radius * np.einsum("...i,...i->...", a, h) / np.square(size)
     yaw, pitch = np.broadcast_arrays(roll, -size / np.square(radius))
-    return np.stack([np.zeros_like(yaw), pitch, yaw], axis=-1)
+    return in_range(np.stack([np.zeros_like(yaw), pitch, yaw], axis=-1), "position or velocity")
 
 
+@np.errstate(all="ignore")
 def relative_state(chaser: ArrayLike, target: ArrayLike, acceleration: ArrayLike | None = None) -> FloatArray:
     """Chaser minus target in the target's orbital frame, the velocity as seen in the rotating frame.
 
@@ -157,9 +161,10 @@ def relative_state(chaser: ArrayLike, target: ArrayLike, acceleration: ArrayLike
     apart = x - origin
     r = np.einsum("...ij,...j->...i", dcm, apart[..., :3])
     v = np.einsum("...ij,...j->...i", dcm, apart[..., 3:]) - np.cross(rate, r)
-    return np.concatenate(np.broadcast_arrays(r, v), axis=-1)
+    return in_range(np.concatenate(np.broadcast_arrays(r, v), axis=-1), "chaser or target")
 
 
+@np.errstate(all="ignore")
 def chaser_state(relative: ArrayLike, target: ArrayLike, acceleration: ArrayLike | None = None) -> FloatArray:
     """Inertial state of the chaser: the inverse of :func:`relative_state`.
 
@@ -191,7 +196,7 @@ def chaser_state(relative: ArrayLike, target: ArrayLike, acceleration: ArrayLike
     """
     x, origin = together(("relative", vectors(relative, "relative", 6), 1), ("target", target, 1))
     origin = vectors(origin, "target", 6)
-    return origin + _apart(x, origin, acceleration)
+    return in_range(origin + _apart(x, origin, acceleration), "relative or target")
 
 
 def _apart(x: FloatArray, origin: FloatArray, acceleration: ArrayLike | None) -> FloatArray:
@@ -204,6 +209,7 @@ def _apart(x: FloatArray, origin: FloatArray, acceleration: ArrayLike | None) ->
     return joined
 
 
+@np.errstate(all="ignore")
 def target_state(relative: ArrayLike, chaser: ArrayLike) -> FloatArray:
     """Inertial state of the target whose orbital frame holds the relative state of a chaser known by GPS.
 
@@ -250,6 +256,7 @@ def target_state(relative: ArrayLike, chaser: ArrayLike) -> FloatArray:
     return target
 
 
+@np.errstate(all="ignore")
 def target_to_chaser_lvlh(relative: ArrayLike, radius: ArrayLike, mean_motion: ArrayLike) -> FloatArray:
     """Turn from the target's orbital frame to the chaser's, to first order in the separation over the radius.
 
@@ -288,7 +295,7 @@ def target_to_chaser_lvlh(relative: ArrayLike, radius: ArrayLike, mean_motion: A
     around, rate = positive(radius, "radius"), positive(mean_motion, "mean_motion")
     crossing = x[..., 4] / (rate * around)
     a, b, c = np.broadcast_arrays(x[..., 1] / around, -x[..., 0] / around, crossing)
-    theta = finite(np.stack([a, b, c], axis=-1), "relative")
+    theta = np.stack([a, b, c], axis=-1)
     # exp(-[theta x]) by the Cayley map: a rotation, the same to second order.
     half = 0.5 * theta
     square = np.einsum("...i,...i->...", half, half)[..., np.newaxis, np.newaxis]
@@ -298,4 +305,4 @@ def target_to_chaser_lvlh(relative: ArrayLike, radius: ArrayLike, mean_motion: A
         axis=-1,
     ).reshape(*half.shape[:-1], 3, 3)
     turned: FloatArray = np.eye(3) - (2.0 / (1.0 + square)) * (skew - skew @ skew)
-    return turned
+    return in_range(turned, "relative")

@@ -54,6 +54,9 @@ impl<T: Real, P: Path<T>> Work for Sum<'_, P, T> {
             let left = Float::abs(span - time);
             let panels = Float::ceil(left / (0.2 * path.pace(&x)));
             let last = panels.is_nan() || panels <= 1.0;
+            if panels > MAX_PANELS as f64 {
+                break;
+            }
             let size = if last { left } else { left / panels };
             let mut at = 0.0;
             // From node to node, and from the last one to the end.
