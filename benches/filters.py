@@ -163,7 +163,7 @@ def stonesoup_step(z):
         state[0] = tools[1].update(SingleHypothesis(prediction, detection))
 
     contender = Contender("Stone Soup", "for row in z: step(row)", {"z": rows, "step": step}, len(z))
-    contender.note = "Phi and Q given"
+    contender.note = "Phi and Q given; Jacobian by differences, hence the difference"
     return contender, lambda: (-np.ravel(state[0].mean).astype(float), np.asarray(state[0].covar, float))
 
 
