@@ -253,14 +253,15 @@ def _frames(result: RelativeNavigationResult) -> Figure:
         ("far", "C_OT and J2", "two orbits, corrected, J2 prediction", GREEN, "--"),
     )
     for arc, frame, label, colour, style in series:
-        found = [result.case(f"{arc}, {frame}, q = {psd:g}") for psd in s.far_psds]
-        bias = [-float(case["bias"][:, 2].mean()) for case in found]
-        nees = [float(case["nees"].mean()) for case in found]
+        names = {psd: f"{arc}, {frame}, q = {psd:g}" for psd in s.far_psds}
+        found = {psd: result.case(name) for psd, name in names.items() if name in result.case_names}
+        bias = [-float(case["bias"][:, 2].mean()) for case in found.values()]
+        nees = [float(case["nees"].mean()) for case in found.values()]
         look: dict[str, Any] = {"color": colour, "linestyle": style, "marker": "o", "label": label}
         if colour == GREEN:  # it lies on the ideal
             look |= {"markersize": 11, "markerfacecolor": "none"}
-        axes[0, 0].plot(s.far_psds, bias, **look)
-        axes[0, 1].loglog(s.far_psds, nees, **look)
+        axes[0, 0].plot(list(found), bias, **look)
+        axes[0, 1].loglog(list(found), nees, **look)
     radius = s.earth_radius + s.altitude
     axes[0, 0].axhline(-(s.far_position[0] ** 2) / radius, color=GREY, linewidth=0.8, linestyle=":")
     axes[0, 0].annotate(
