@@ -6,9 +6,13 @@ OUT ?= out
 
 .PHONY: demo test check bench reproduce rust-test clean
 
-## Build, install into .venv, run the landing scenario: tables on the screen, figures in $(OUT).
+## Build, install into .venv, run the scenarios: tables on the screen, figures in $(OUT).
 demo: $(VENV)/installed
 	$(BIN)/losnav run landmark-landing --runs 100 --out $(OUT)/landmark-landing
+	@echo
+	$(BIN)/losnav run relative-navigation --runs 100 --out $(OUT)/relative-navigation
+	@echo
+	$(BIN)/losnav run star-tracker --runs 100 --out $(OUT)/star-tracker
 	@echo
 	$(BIN)/python examples/first_pose.py
 

@@ -79,7 +79,7 @@ class ExtendedKalmanFilter:
     60.0
     """
 
-    __slots__ = ("_dynamics", "_engine", "_lead", "_options")
+    __slots__ = ("_dynamics", "_engine", "_lead", "_listed", "_options")
 
     def __init__(
         self,
@@ -116,6 +116,7 @@ class ExtendedKalmanFilter:
         }
         self._options = options
         self._dynamics = dynamics
+        self._listed = listed
         self._lead = x.shape[:-1]
         self._engine = _core.Filter(
             type(dynamics).__name__ if listed else None,
@@ -169,7 +170,7 @@ class ExtendedKalmanFilter:
         NumericalError
             If the prediction is not finite; the filter is as it was.
         """
-        if _is_listed(self._dynamics):
+        if self._listed:
             self._engine.predict(dt, control)
         else:
             foreign.predict(self._engine, self._dynamics, dt, control)
@@ -229,7 +230,7 @@ class ExtendedKalmanFilter:
         InvalidInputError, DegenerateGeometryError, NumericalError
             As :meth:`predict` and :meth:`update`; the filter is then as it was before both.
         """
-        if _is_listed(self._dynamics):
+        if self._listed:
             step = self._engine.step(dt, sensor, z, control, context)
             if step is not None:
                 return step
@@ -273,7 +274,7 @@ class ExtendedKalmanFilter:
         result not finite) is logged as not accepted, and the arc goes on.
         """
         pairs = _pairs(measurements)
-        if _is_listed(self._dynamics):
+        if self._listed:
             record = self._engine.run(times, pairs, controls, context)
             if record is not None:
                 rows, dof = record.rows, record.dof
