@@ -18,11 +18,14 @@ from losnav.errors import InvalidInputError
 
 RUNS, BLOCK, SEED = 23, 4, 11
 
-# A campaign slow enough to be shot: a block takes 50 ms.
+# A campaign slow enough to be shot: a block takes 50 ms. It listens to Ctrl-C even where the tests run in the
+# background of a shell, which would have its children ignore it.
 SLOW = """
-import sys, time
+import signal, sys, time
 import numpy as np
 from losnav.campaign import run_campaign
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 def task(seeds):
     time.sleep(0.05)

@@ -203,7 +203,14 @@ def test_bench(capsys):
 
 
 def test_interrupt_keeps_the_finished_runs(tmp_path):
-    command = [sys.executable, "-m", "losnav.cli", "run", "landmark-landing", "--runs", "100000", "--no-plot"]
+    # The program itself, listening to Ctrl-C even where the tests run in the background of a shell.
+    listening = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler)"
+    program = [
+        sys.executable,
+        "-c",
+        f"{listening}; from losnav.cli import main; sys.exit(main(sys.argv[1:]))",
+    ]
+    command = [*program, "run", "landmark-landing", "--runs", "100000", "--no-plot"]
     process = subprocess.Popen([*command, "--out", str(tmp_path)], stderr=subprocess.PIPE, text=True)
     deadline = time.monotonic() + 30
     while not list(tmp_path.glob("block-*.npz")):
