@@ -18,6 +18,7 @@ brackets: how far from the optimum), the numba twin checks nothing. All rows, wi
 [benches/RESULTS.md](benches/RESULTS.md), written by `make bench`; `losnav bench` shows latency percentiles on
 your machine.
 """
+FILTER_PEERS = ("numba twin", "numba prange", "filterpy", "Stone Soup")
 PEERS = ("numba twin", "PoseLib refine", "OpenCV solvePnPRefineLM", "SciPy least_squares lm")
 
 
@@ -31,7 +32,10 @@ def tables(text):
             subsection = line[4:]
         elif line.startswith("| "):
             name, *cells = (cell.strip() for cell in line.strip("|").split("|"))
-            found.setdefault((section, subsection), {})[name] = cells
+            part = subsection
+            if section.startswith("Attitude") and name.isdigit():
+                part, name, cells = f"N = {name}", cells[0], cells[1:]
+            found.setdefault((section, part), {})[name] = cells
         elif "**missed**" in line:
             missed.append(f"{subsection or section}, {line[2:]}")
     return found, missed
@@ -54,7 +58,10 @@ def against(rows, peers, ratio=1, off=None):
 
 def row(title, part, rows):
     """One line of the table, or nothing."""
-    time = rows["losnav"][0].split(" ")[0]
+    ours = next((name for name in ("losnav", "losnav step", "losnav run") if name in rows), None)
+    if ours is None:
+        return ""
+    time = rows[ours][0].split(" ")[0]
     if title.startswith("With a guess"):
         return f"| guess 50 m and 5° off, {part} | {time} µs | {against(rows, PEERS)} |"
     if title.startswith("Without a guess"):
@@ -65,6 +72,15 @@ def row(title, part, rows):
         both = rows["losnav"][1].split(" ")[0]
         words = against(rows, others(rows), ratio=2)
         return f"| batch of 10 000, N = 4, guess | {time} ns each; 2 threads {both} ns | 2 threads: {words} |"
+    if title.startswith("Attitude") and part == "N = 8":
+        return f"| attitude, {part} | {time} µs | {against(rows, ('numba twin', 'SciPy align_vectors'))} |"
+    if title.startswith("Attitude") and not part:
+        both, words = rows[ours][1].split(" ")[0], against(rows, ("numba prange",), ratio=2)
+        return (
+            f"| batch of 10 000, attitude, N = 8 | {time} ns each; 2 threads {both} ns | 2 threads: {words} |"
+        )
+    if title.startswith("Extended"):
+        return f"| filter of six states. {part} | {time} µs | {against(rows, FILTER_PEERS)} |"
     return ""
 
 
@@ -73,7 +89,7 @@ def section(text):
     found, missed = tables(text)
     machine = re.search(r"^- (Machine: .*)$", text, flags=re.M)
     table = ["| problem | losnav | others |", "|---|---|---|"]
-    table += [row(*key, rows) for key, rows in found.items() if "losnav" in rows]
+    table += [row(*key, rows) for key, rows in found.items()]
     parts = [NOTE.format(machine=machine[1] if machine else "").strip(), "\n".join(filter(None, table))]
     if missed:
         parts += ["Targets not reached in that run:", "\n".join(f"- {line}" for line in missed)]
