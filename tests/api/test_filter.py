@@ -121,3 +121,20 @@ def test_what_is_no_model_says_what_it_lacks():
         ln.ExtendedKalmanFilter(CAMERA, START, SPREAD)
     with pytest.raises(ln.InvalidInputError, match="state: expected 6 components"):
         ln.ExtendedKalmanFilter(ORBIT, START[:5], SPREAD)
+
+
+def test_each_sensor_is_told_what_concerns_it():
+    marks, place = np.array([[0.0, 0.0, 0.0], [0.0, 40.0, 0.0]]), np.array([3.0, 0.0, 0.0])
+    camera, laser = ln.sensors.LineOfSight(marks + 1.0, sigma=1e-3), ln.sensors.Range(0.2)
+    told = {"dcm": np.eye(3), "landmarks": marks, "target": place}
+    seen = [camera.predict(TRUTH, dcm=np.eye(3), landmarks=marks), laser.predict(TRUTH, target=place)]
+    ekf = filter_of()
+    looked, ranged = ekf.update(camera, seen[0], **told), ekf.update(laser, seen[1], **told)
+    assert looked.gain.shape == (6, 6)
+    assert ranged.gain.shape == (6, 1)
+    log = filter_of().run([0.0], [(camera, seen[:1]), (laser, [seen[1]])], **told)
+    np.testing.assert_array_equal(log.state[0], ekf.state)
+    with pytest.raises(ln.InvalidInputError, match="target: expected finite numbers"):
+        ekf.update(laser, seen[1], target=[np.nan, 0.0, 0.0])
+    with pytest.raises(ln.InvalidInputError, match="landmarks: expected shape"):
+        ekf.update(camera, seen[0], dcm=np.eye(3), landmarks=place)

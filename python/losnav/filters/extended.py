@@ -188,7 +188,8 @@ class ExtendedKalmanFilter:
             Measurement; NaN if there is none.
         **context
             What the sensor is told besides the state: ``dcm=`` the known attitude, ``(3, 3)``; ``landmarks=``
-            or ``target=`` in place of the sensor's own; for a user's sensor, whatever it takes.
+            ``(N, 3)`` or ``target=`` ``(3,)`` in place of those of the sensors that have some; for a user's
+            sensor, whatever it takes.
 
         Returns
         -------

@@ -11,7 +11,7 @@ from losnav._arrays import ArrayLike, FloatArray, as_float64, finite
 from losnav.errors import InvalidInputError, NumericalError
 from losnav.filters.backward import Journey, started
 from losnav.filters.log import FilterLog
-from losnav.filters.step import Step, within_blocks
+from losnav.filters.step import Step, told_to, within_blocks
 from losnav.sensors import LineOfSight
 
 if TYPE_CHECKING:
@@ -221,7 +221,7 @@ class _Look:
 
     def __init__(self, sensor: Any, measured: FloatArray, context: dict[str, Any]) -> None:
         needed(sensor, "sensor", ("predict", "jacobian", "noise"))
-        self.sensor, self.measured, self.context = sensor, measured, context
+        self.sensor, self.measured, self.context = sensor, measured, told_to(sensor, context)
         self.direction = np.zeros(0)
 
     def at(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -11,7 +11,7 @@ from losnav._arrays import FloatArray
 from losnav._core import Step
 from losnav.sensors import LineOfSight
 
-__all__ = ["Step", "linear_update", "within_blocks"]
+__all__ = ["Step", "linear_update", "told_to", "within_blocks"]
 
 
 def linear_update(  # noqa: PLR0917 - the engine calls it by position
@@ -45,14 +45,23 @@ def linear_update(  # noqa: PLR0917 - the engine calls it by position
         ``P H' (S + beta H P H')^-1``, zero for considered components; of several directions, ``beta H P H'``
         of each by itself.
     """
-    h = np.asarray(sensor.jacobian(state, **context), dtype=float)
-    r = np.asarray(sensor.noise(state, **context), dtype=float)
+    told = told_to(sensor, context)
+    h = np.asarray(sensor.jacobian(state, **told), dtype=float)
+    r = np.asarray(sensor.noise(state, **told), dtype=float)
     spread = h @ covariance @ h.T
     innovation_covariance = spread + r
     weighed = innovation_covariance + underweighting * within_blocks(sensor, spread)
     gain = np.linalg.solve(weighed, h @ covariance).T
     gain[list(consider)] = 0.0
     return innovation_covariance, gain
+
+
+def told_to(sensor: Any, context: dict[str, Any]) -> dict[str, Any]:
+    """What of the context concerns a sensor: landmarks those that have some, a target those of a target."""
+    if not type(sensor).__module__.startswith("losnav.sensors"):
+        return context
+    other = "target" if type(sensor) is LineOfSight else "landmarks"
+    return {name: value for name, value in context.items() if name != other}
 
 
 def within_blocks(sensor: Any, spread: FloatArray) -> FloatArray:

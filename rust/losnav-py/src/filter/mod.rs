@@ -187,10 +187,10 @@ impl Filter {
         }
         let (dt, control) = (dt.map_or(Ok(0.0), seconds)?, acceleration(control)?);
         self.one()?;
-        let (dcm, landmarks) = read_context(context)?;
-        let other = match (&landmarks, &self.slots[index].source) {
-            (Some(landmarks), Some(source)) => Some(source.with_landmarks(landmarks)?),
-            _ => None,
+        let told = Context::new(context)?;
+        let other = match &self.slots[index].source {
+            Some(source) => source.told(&told)?,
+            None => None,
         };
         let dof = other.as_ref().or(self.slots[index].source.as_ref()).map_or(0, |source| source.dof);
         let bound = self.bound(py, index, dof)?;
@@ -198,7 +198,7 @@ impl Filter {
         let Some(source) = other.as_ref().or(slot.source.as_ref()) else { return Ok(None) };
         let z = Floats::new(z, "z")?;
         let z = measurement(&z, source.rows)?;
-        let dcm = attitude(dcm.as_ref(), source)?;
+        let dcm = attitude(told.dcm.as_ref(), source)?;
         let look = Look { source, z, dcm, bound, settings: &self.settings };
         let seen = self.engine.step(self.time, dt, control, Some(look));
         let Some(seen) = seen.map_err(explain)? else { return Ok(None) };
@@ -368,25 +368,35 @@ fn acceleration(control: Option<&Bound<'_, PyAny>>) -> PyResult<[f64; 3]> {
     }
 }
 
-type Told<'py> = (Option<Bound<'py, PyAny>>, Option<Bound<'py, PyAny>>);
+/// What the caller tells the sensors.
+#[derive(Default)]
+pub struct Context<'py> {
+    /// Attitude.
+    dcm: Option<Bound<'py, PyAny>>,
+    /// In place of those of the sensors that have landmarks.
+    landmarks: Option<Bound<'py, PyAny>>,
+    /// In place of that of the sensors that have a target.
+    target: Option<Bound<'py, PyAny>>,
+}
 
-/// `dcm` and `landmarks`.
-fn read_context<'py>(context: &Bound<'py, PyDict>) -> PyResult<Told<'py>> {
-    let (mut dcm, mut landmarks) = (None, None);
-    for (key, value) in context {
-        let key = key.cast::<PyString>()?;
-        let given = (!value.is_none()).then_some(value);
-        match key.to_str()? {
-            "dcm" => dcm = given,
-            "landmarks" | "target" => landmarks = given,
-            other => {
-                let text =
-                    format!("{other}: unknown context of the built-in sensors; they take dcm and landmarks");
-                return Err(InvalidInputError::new_err(text));
+impl<'py> Context<'py> {
+    fn new(told: &Bound<'py, PyDict>) -> PyResult<Self> {
+        let mut context = Self::default();
+        for (key, value) in told {
+            let key = key.cast::<PyString>()?;
+            let given = (!value.is_none()).then_some(value);
+            match key.to_str()? {
+                "dcm" => context.dcm = given,
+                "landmarks" => context.landmarks = given,
+                "target" => context.target = given,
+                other => {
+                    let known = "the built-in sensors take dcm, landmarks and target";
+                    return Err(InvalidInputError::new_err(format!("{other}: unknown context; {known}")));
+                }
             }
         }
+        Ok(context)
     }
-    Ok((dcm, landmarks))
 }
 
 fn attitude(dcm: Option<&Bound<'_, PyAny>>, source: &Source) -> PyResult<[[f64; 3]; 3]> {

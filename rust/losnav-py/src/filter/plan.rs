@@ -7,7 +7,7 @@ use super::arcs::{Channel, Layout, Plan};
 use super::engine::Passage;
 use super::record::ArcRecord;
 use super::source::Source;
-use super::{Filter, explain, missing_attitude, read_context};
+use super::{Context, Filter, explain, missing_attitude};
 use crate::attitude::is_rotation;
 use crate::convert::{Buffer, Floats};
 use crate::errors::{InvalidInputError, shape_error};
@@ -115,12 +115,12 @@ fn sense<'py>(
     py: Python<'py>,
     which: usize,
     (sensor, z): &(Bound<'py, PyAny>, Bound<'py, PyAny>),
-    landmarks: Option<&Bound<'py, PyAny>>,
+    told: &Context<'py>,
     epochs: usize,
 ) -> PyResult<Option<Sensed<'py>>> {
     let index = filter.slot(py, sensor)?;
     let Some(source) = filter.slots[index].source.clone() else { return Ok(None) };
-    let source = landmarks.map_or(Ok(source.clone()), |marks| source.with_landmarks(marks))?;
+    let source = source.told(told)?.unwrap_or(source);
     // The bound without regard to past rejections: those are counted along the arc.
     let rejected = std::mem::replace(&mut filter.slots[index].rejected, 0.0);
     let bound = filter.bound(py, index, source.dof);
@@ -155,15 +155,15 @@ pub fn run(
     let times = Floats::new(times, "times")?;
     let (steps, starts) = steps(&times, filter.time)?;
     let epochs = steps.len();
+    let told = Context::new(context)?;
     let mut sources = Vec::with_capacity(measurements.len());
     for (which, pair) in measurements.iter().enumerate() {
         if filter.slot(py, &pair.0).map(|index| filter.slots[index].source.is_none())? {
             return Ok(None);
         }
-        let (_, landmarks) = read_context(context)?;
-        sources.extend(sense(filter, py, which, pair, landmarks.as_ref(), epochs)?);
+        sources.extend(sense(filter, py, which, pair, &told, epochs)?);
     }
-    let dcm = read_context(context)?.0.map(|dcm| Floats::new(&dcm, "dcm")).transpose()?;
+    let dcm = told.dcm.as_ref().map(|dcm| Floats::new(dcm, "dcm")).transpose()?;
     if dcm.is_none() && sources.iter().any(|sensed| sensed.source.needs_attitude) {
         return Err(missing_attitude());
     }

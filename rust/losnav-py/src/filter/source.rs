@@ -3,9 +3,10 @@
 use losnav_core::models::sensors::{Law, LineOfSight, Range, RangeBearing, RangeRate, SensorModel};
 use pyo3::prelude::*;
 
+use super::Context;
 use crate::convert::Floats;
 use crate::dispatch::Lanes;
-use crate::errors::shape_error;
+use crate::errors::{InvalidInputError, shape_error};
 use crate::measured::Measured;
 
 /// A listed sensor without a measurement.
@@ -14,6 +15,8 @@ pub struct Source {
     name: &'static str,
     /// Place in the list of sensors.
     place: usize,
+    /// Which field the caller may tell anew.
+    place_field: usize,
     fields: Vec<Vec<f64>>,
     /// Numbers in a measurement.
     pub rows: usize,
@@ -54,30 +57,35 @@ impl Source {
             |attribute: &&str| Ok(Floats::new(&sensor.getattr(*attribute)?, attribute)?.data().to_vec());
         let fields = M::FIELDS.iter().map(field).collect::<PyResult<Vec<_>>>()?;
         let (rows, dof) = M::size(&fields);
-        Ok(Self { name, place, fields, rows, dof, needs_attitude: M::NEEDS_ATTITUDE })
+        Ok(Self { name, place, place_field: M::PLACE, fields, rows, dof, needs_attitude: M::NEEDS_ATTITUDE })
     }
 
-    /// The same sensor with other landmarks.
-    pub fn with_landmarks(&self, landmarks: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let array = Floats::new(landmarks, "landmarks")?;
+    /// The same sensor with the landmarks, or the target, that the caller tells; nothing if it is told neither.
+    pub fn told(&self, context: &Context<'_>) -> PyResult<Option<Self>> {
+        let (argument, given) = match self.name {
+            "LineOfSight" => ("landmarks", &context.landmarks),
+            _ => ("target", &context.target),
+        };
+        let Some(given) = given else { return Ok(None) };
+        let array = Floats::new(given, argument)?;
+        if !array.data().iter().all(|value| value.is_finite()) {
+            let text = format!("{argument}: expected finite numbers, got NaN or infinity");
+            return Err(InvalidInputError::new_err(text));
+        }
         let common = self.fields.get(1).is_some_and(|sigma| sigma.len() == 1);
         let mut other = self.clone();
-        match (self.name, array.shape(), other.fields.first_mut()) {
-            ("LineOfSight", &[n, 3], Some(field)) if common || field.len() == 3 * n => {
-                *field = array.data().to_vec();
+        match (argument, array.shape()) {
+            ("landmarks", &[n, 3]) if n > 0 && (common || 3 * n == self.rows) => {
                 (other.rows, other.dof) = (3 * n, 2 * n);
-                Ok(other)
             }
-            ("LineOfSight", shape, _) => Err(shape_error("landmarks", "(N, 3), one for each sigma", shape)),
-            // One point: where the target is.
-            (_, &[3] | &[1, 3], _) => {
-                if let Some(field) = other.fields.last_mut() {
-                    *field = array.data().to_vec();
-                }
-                Ok(other)
-            }
-            (_, shape, _) => Err(shape_error("landmarks", "(3,), the target", shape)),
+            ("landmarks", shape) => return Err(shape_error(argument, "(N, 3), one for each sigma", shape)),
+            (_, &[3]) => {}
+            (_, shape) => return Err(shape_error(argument, "(3,)", shape)),
         }
+        if let Some(field) = other.fields.get_mut(self.place_field) {
+            *field = array.data().to_vec();
+        }
+        Ok(Some(other))
     }
 
     /// Shows the sensor that measured `z`.
