@@ -83,11 +83,7 @@ def update(
         return report(nis, False)
     for _ in range(1, options["iterations"]):
         again, h, r = look.at(x + delta)
-        rows = (
-            _underweighted(look, again, h, r, covariance=covariance, beta=beta)
-            if beta > 0.0
-            else _whitened(sensor, look.direction, again, h, r)
-        )
+        rows = _underweighted(look, again, h, r, covariance=covariance, beta=beta)
         delta, _ = engine.attempt(*rows, delta)
     if not engine.commit():
         raise NumericalError("update: the result is not finite; the filter is unchanged")
@@ -261,7 +257,7 @@ def _whitened(
 def _underweighted(
     look: _Look, y: FloatArray, h: FloatArray, r: FloatArray, *, covariance: FloatArray, beta: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Rows that err by ``R + beta H P H'`` made rows of unit noise."""
+    """Rows that err by ``R + beta H P H'`` made rows of unit noise; with ``beta = 0`` by ``R`` alone."""
     return _whitened(
         look.sensor, look.direction, y, h, r + beta * within_blocks(look.sensor, h @ covariance @ h.T)
     )

@@ -2,17 +2,17 @@
 use core::marker::PhantomData;
 
 use losnav_core::estimators::kalman::{Covariance, Smoothed, smooth_back};
-use losnav_core::models::dynamics::DynamicsModel;
 
 use super::advance::{Runs, entries, load, write};
-use super::arcs::Layout;
+use super::arcs::{Layout, Steps};
 use super::engine::Passage;
 use super::family::{Form, Widths};
 use crate::dispatch::{LaneJob, Lanes};
 
 /// One group of arcs, smoothed in place: the covariances themselves take the place of what they were kept in.
-pub struct Backward<'a, D, F, const N: usize> {
+pub struct Backward<'a, D: Widths<N>, F, const N: usize> {
     pub dynamics: &'a D,
+    pub steps: &'a Steps<D::Step>,
     pub passage: &'a Passage,
     pub layout: &'a Layout,
     pub runs: Runs,
@@ -29,7 +29,6 @@ impl<D: Widths<N>, F: Form, const N: usize> LaneJob for Backward<'_, D, F, N> {
         let model = self.dynamics.of::<V>();
         let size = self.layout.entries() * V::LANES;
         let epochs = self.passage.steps.len();
-        let mut prepared: Option<(f64, f64, D::Step)> = None;
         let mut later: Option<Smoothed<V, [V; N], N>> = None;
         for epoch in (0..epochs).rev() {
             let Some(out) = self.data.get_mut(epoch * size..(epoch + 1) * size) else { return };
@@ -39,18 +38,12 @@ impl<D: Widths<N>, F: Form, const N: usize> LaneJob for Backward<'_, D, F, N> {
                 // Two epochs at one time: one knows what the other does.
                 Some(later) if self.passage.steps[epoch + 1] == 0.0 => later,
                 Some(later) => {
-                    let (start, dt) = (self.passage.starts[epoch + 1], self.passage.steps[epoch + 1]);
-                    let varying = <D::Of<V> as DynamicsModel<V, N>>::TIME_VARYING;
-                    let step = match prepared {
-                        Some((from, length, step)) if length == dt && (!varying || from == start) => step,
-                        _ => model.prepare(start, dt),
-                    };
-                    prepared = Some((start, dt, step));
+                    let Some(step) = self.steps.to(epoch + 1) else { return };
                     let mut control = [V::zero(); 3];
                     if let Some(controls) = self.passage.controls() {
                         controls.read(self.runs, epoch + 1, &mut control);
                     }
-                    smooth_back(model, &step, control, &filtered, &later)
+                    smooth_back(model, step, control, &filtered, &later)
                 }
             };
             let mut at = N;

@@ -244,12 +244,8 @@ impl<D: Widths<N>, F: Form, const N: usize> Listed<D, F, N> {
         Ok(Seen { prior, innovation, nis: self.answers[0], accepted: self.answers[1] != 0.0 })
     }
 
-    /// Runs a task over stretches of `data` and the estimates that go with them, on all cores if it is worth it.
-    fn share<'a>(
-        steps: usize,
-        work: impl Iterator<Item = (usize, (&'a mut [f64], &'a mut [f64]))> + Send,
-        each: impl Fn((usize, (&'a mut [f64], &'a mut [f64]))) + Sync,
-    ) {
+    /// Does every piece of work, on all cores if there are steps enough to be worth it.
+    fn share<W: Send>(steps: usize, work: impl Iterator<Item = W> + Send, each: impl Fn(W) + Sync) {
         if steps < SERIAL {
             work.for_each(each);
         } else {
@@ -353,10 +349,12 @@ impl<D: Widths<N>, F: Form, const N: usize> Engine for Listed<D, F, N> {
     fn smooth(&self, record: &ArcRecord, data: &[f64]) -> Vec<f64> {
         let mut data = data.to_vec();
         let block = record.layout.entries() * record.epochs * record.lanes;
-        let work = data.chunks_mut(block.max(1)).map(|data| (data, &mut [][..])).enumerate();
-        Self::share(record.runs * record.epochs, work, |(group, (data, _))| {
+        let work = data.chunks_mut(block.max(1)).enumerate();
+        let steps = &Steps::new(&self.dynamics, &record.passage.steps, &record.passage.starts);
+        Self::share(record.runs * record.epochs, work, |(group, data)| {
             let backward = Backward::<'_, D, F, N> {
                 dynamics: &self.dynamics,
+                steps,
                 passage: &record.passage,
                 layout: &record.layout,
                 runs: Runs { first: group * record.lanes, last: record.runs - 1 },

@@ -328,14 +328,20 @@ impl Filter {
         Ok(self.slots.len() - 1)
     }
 
-    /// Bound on the normalised innovation squared of the next measurement.
-    fn bound(&mut self, py: Python<'_>, index: usize, dof: usize) -> PyResult<f64> {
+    /// Bound of the gate on the normalised innovation squared.
+    fn gate_bound(&mut self, py: Python<'_>, index: usize, dof: usize) -> PyResult<f64> {
         let Some(gate) = &self.gate else { return Ok(f64::INFINITY) };
         let slot = &mut self.slots[index];
         if slot.bound.0 != dof {
             slot.bound = (dof, gate.bind(py).call1((dof,))?.extract()?);
         }
-        Ok(if slot.rejected >= self.relock_after { f64::INFINITY } else { slot.bound.1 })
+        Ok(slot.bound.1)
+    }
+
+    /// The bound for the next measurement: none after too many straight rejections.
+    fn bound(&mut self, py: Python<'_>, index: usize, dof: usize) -> PyResult<f64> {
+        let bound = self.gate_bound(py, index, dof)?;
+        Ok(if self.slots[index].rejected >= self.relock_after { f64::INFINITY } else { bound })
     }
 
     /// Single steps need a single estimate.

@@ -101,6 +101,17 @@ fn attitudes(dcm: Option<&Floats<'_>>, epochs: usize) -> PyResult<Axes> {
     }
 }
 
+fn accelerations(controls: &Floats<'_>, epochs: usize) -> PyResult<Axes> {
+    let shape = controls.shape();
+    let axes = if shape.ends_with(&[3]) { Axes::of(shape, 3, epochs, true) } else { None };
+    let axes = axes.ok_or_else(|| shape_error("controls", "(3,), (T, 3) or (runs, T, 3)", shape))?;
+    if controls.data().iter().all(|value| value.is_finite()) {
+        Ok(axes)
+    } else {
+        Err(InvalidInputError::new_err("controls: expected finite numbers, got NaN or infinity"))
+    }
+}
+
 /// Every sensor with its measurements, axes checked.
 struct Sensed<'py> {
     index: usize,
@@ -121,10 +132,8 @@ fn sense<'py>(
     let index = filter.slot(py, sensor)?;
     let Some(source) = filter.slots[index].source.clone() else { return Ok(None) };
     let source = source.told(told)?.unwrap_or(source);
-    // The bound without regard to past rejections: those are counted along the arc.
-    let rejected = std::mem::replace(&mut filter.slots[index].rejected, 0.0);
-    let bound = filter.bound(py, index, source.dof);
-    filter.slots[index].rejected = rejected;
+    // Rejections count along the arc.
+    let bound = filter.gate_bound(py, index, source.dof)?;
     let z = Floats::new(z, "z")?;
     let axes = Axes::of(z.shape(), source.rows, epochs, false).ok_or_else(|| {
         let m = source.rows;
@@ -137,7 +146,7 @@ fn sense<'py>(
         );
         return Err(InvalidInputError::new_err(text));
     }
-    Ok(Some(Sensed { index, source, bound: bound?, z, axes }))
+    Ok(Some(Sensed { index, source, bound, z, axes }))
 }
 
 /// See `losnav.ExtendedKalmanFilter.run`.
@@ -158,10 +167,8 @@ pub fn run(
     let told = Context::new(context)?;
     let mut sources = Vec::with_capacity(measurements.len());
     for (which, pair) in measurements.iter().enumerate() {
-        if filter.slot(py, &pair.0).map(|index| filter.slots[index].source.is_none())? {
-            return Ok(None);
-        }
-        sources.extend(sense(filter, py, which, pair, &told, epochs)?);
+        let Some(sensed) = sense(filter, py, which, pair, &told, epochs)? else { return Ok(None) };
+        sources.push(sensed);
     }
     let dcm = told.dcm.as_ref().map(|dcm| Floats::new(dcm, "dcm")).transpose()?;
     if dcm.is_none() && sources.iter().any(|sensed| sensed.source.needs_attitude) {
@@ -175,16 +182,7 @@ pub fn run(
         agree(&mut runs, &format!("measurements[{which}]"), sensed.axes.runs)?;
     }
     let controls = controls.map(|value| Floats::new(value, "controls")).transpose()?;
-    let control_axes = controls.as_ref().map(|array| {
-        let axes = Axes::of(array.shape(), 3, epochs, true).filter(|_| array.shape().ends_with(&[3]));
-        axes.ok_or_else(|| shape_error("controls", "(3,), (T, 3) or (runs, T, 3)", array.shape()))
-    });
-    let control_axes = control_axes.transpose()?;
-    if let Some(array) = &controls
-        && !array.data().iter().all(|value| value.is_finite())
-    {
-        return Err(InvalidInputError::new_err("controls: expected finite numbers, got NaN or infinity"));
-    }
+    let control_axes = controls.as_ref().map(|array| accelerations(array, epochs)).transpose()?;
     agree(&mut runs, "controls", control_axes.as_ref().and_then(|axes| axes.runs))?;
     let count = runs.unwrap_or(1);
     let lanes = filter.engine.lanes(count);

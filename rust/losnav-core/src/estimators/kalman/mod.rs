@@ -7,6 +7,7 @@
 //! Nothing is changed in place: a caller that does not like an answer keeps what it had. Follows Carpenter & D'Souza,
 //! *Navigation Filter Best Practices*, NASA/TP-2018-219822: Joseph or UD form, underweighting, editing of
 //! measurements, consider parameters.
+use crate::math::matrix::Matrix;
 use crate::math::real::Real;
 use crate::models::dynamics::DynamicsModel;
 use crate::models::state::State;
@@ -47,9 +48,26 @@ where
     D: DynamicsModel<T, N>,
     P: Covariance<T, N>,
 {
+    predict_with_transition(dynamics, step, control, estimate).0
+}
+
+/// The estimate a step later, and the `Φ` that led there.
+#[inline(always)]
+fn predict_with_transition<T, D, P, const N: usize>(
+    dynamics: &D,
+    step: &D::Step,
+    control: D::Control,
+    estimate: &Estimate<D::State, P>,
+) -> (Estimate<D::State, P>, Matrix<T, N>)
+where
+    T: Real,
+    D: DynamicsModel<T, N>,
+    P: Covariance<T, N>,
+{
     let noise = dynamics.process_noise(step, &estimate.state);
     let (state, transition) = dynamics.transition(step, &estimate.state, control);
-    Estimate { state, covariance: estimate.covariance.propagate(dynamics, step, &transition, &noise) }
+    let covariance = estimate.covariance.propagate(dynamics, step, &transition, &noise);
+    (Estimate { state, covariance }, transition)
 }
 
 /// Lane-wise choice between two estimates.

@@ -1,6 +1,6 @@
 //! Rauch, Tung & Striebel (1965): what a later estimate tells about an earlier one.
 use super::covariance::Covariance;
-use super::{Estimate, predict};
+use super::{Estimate, predict_with_transition};
 use crate::math::matrix::{Matrix, congruence};
 use crate::math::real::{Mask, Real};
 use crate::models::dynamics::DynamicsModel;
@@ -33,8 +33,7 @@ where
     D: DynamicsModel<T, N>,
     P: Covariance<T, N>,
 {
-    let predicted = predict(dynamics, step, control, filtered);
-    let (_, transition) = dynamics.transition(step, &filtered.state, control);
+    let (predicted, transition) = predict_with_transition(dynamics, step, control, filtered);
     let (p, before) = (filtered.covariance.matrix(), predicted.covariance.matrix());
     let (factor, definite) = cholesky(&before);
     // Row i of G solves P⁻ g = (Φ P)_i-th column.
