@@ -130,6 +130,16 @@ pub trait Sink<T: Real> {
     fn add_direction(&mut self, direction: &Direction<T>, dcm: &Mat3<T>) {
         self.add(&direction.expand(dcm));
     }
+
+    /// Takes the rows that see landmark `index` of the sensor's list; override it to gate each landmark by itself, or to
+    /// account for the error of the map. What is measured depends on where the landmark is from the observer, so the
+    /// derivative with respect to the landmark is minus that with respect to the position. Landmarks come in ascending
+    /// order; those not seen do not come at all.
+    #[inline(always)]
+    fn add_landmark<const M: usize>(&mut self, index: usize, rows: &Linearization<T, M>) {
+        let _ = index;
+        self.add(rows);
+    }
 }
 
 /// Two sinks as one.
@@ -148,9 +158,15 @@ impl<T: Real, A: Sink<T>, B: Sink<T>> Sink<T> for Both<'_, A, B> {
         self.0.add_direction(direction, dcm);
         self.1.add_direction(direction, dcm);
     }
+
+    #[inline(always)]
+    fn add_landmark<const M: usize>(&mut self, index: usize, rows: &Linearization<T, M>) {
+        self.0.add_landmark(index, rows);
+        self.1.add_landmark(index, rows);
+    }
 }
 
-/// Writes down innovations `z ⊟ h(x)` as far as there is room; what comes after is dropped.
+/// Writes down innovations `z ⊟ h(x)` as far as there is room; what comes after is dropped, what does not come is NaN.
 #[derive(Debug)]
 pub struct Innovations<'a, T> {
     out: &'a mut [T],
@@ -162,6 +178,7 @@ impl<'a, T: Real> Innovations<'a, T> {
     #[inline(always)]
     #[must_use]
     pub fn new(out: &'a mut [T]) -> Self {
+        out.fill(T::splat(f64::NAN));
         Self { out, taken: 0 }
     }
 
@@ -183,6 +200,15 @@ impl<T: Real> Sink<T> for Innovations<'_, T> {
     #[inline(always)]
     fn add_direction(&mut self, direction: &Direction<T>, _dcm: &Mat3<T>) {
         self.write(&direction.innovation);
+    }
+
+    /// In its place: a landmark that is not seen leaves its own empty.
+    #[inline(always)]
+    fn add_landmark<const M: usize>(&mut self, index: usize, rows: &Linearization<T, M>) {
+        if index * M >= self.taken {
+            self.taken = index * M;
+            self.write(&rows.innovation);
+        }
     }
 }
 

@@ -4,7 +4,9 @@ use losnav_core::estimators::loss::{Loss, Robust, RobustKind, Squared};
 use losnav_core::estimators::normal_equations::{NormalEquations, NormalEquationsSink};
 use losnav_core::math::real::Real;
 use losnav_core::models::kinematics::Kinematics;
-use losnav_core::models::linearization::{Linearization, Recorder, Row, Sink, Weight};
+use losnav_core::models::linearization::{
+    Both, Innovations, Linearization, Recorder, RootWeight, Row, Sink, Weight,
+};
 use losnav_core::models::sensors::{Law, LineOfSight, Range, RangeBearing, RangeRate, SensorModel, Specimen};
 
 use crate::dual::First;
@@ -177,4 +179,25 @@ fn bearings_are_compared_the_short_way_round() {
     sensor.linearize(&x, &mut Recorder::new(&mut rows)).unwrap();
     assert_close(rows[1].innovation, 6.1 - 2.0 * core::f64::consts::PI, 1.0, SAME_FORMULA);
     assert_close(rows[2].innovation, 0.2, 1.0, SAME_FORMULA);
+}
+
+#[test]
+fn the_innovation_of_a_landmark_stands_in_its_place() {
+    let seen = |innovation: [f64; 2]| Linearization {
+        innovation,
+        d_position: [[0.0; 3]; 2],
+        d_velocity: None,
+        d_attitude: None,
+        sqrt_information: RootWeight::Diagonal([1.0; 2]),
+    };
+    let (mut out, mut rows) = ([0.0; 8], [Row::zero(); 4]);
+    let (mut heard, mut recorder) = (Innovations::new(&mut out), Recorder::new(&mut rows));
+    let mut both = Both(&mut heard, &mut recorder);
+    both.add_landmark(0, &seen([1.0, 2.0]));
+    both.add_landmark(2, &seen([3.0, 4.0]));
+    // A second pass finds no room.
+    both.add_landmark(0, &seen([5.0, 6.0]));
+    assert_eq!(recorder.offered(), 6);
+    assert_eq!([out[0], out[1], out[4], out[5]], [1.0, 2.0, 3.0, 4.0]);
+    assert!([out[2], out[3], out[6], out[7]].iter().all(|v| v.is_nan()));
 }
