@@ -1,5 +1,6 @@
 //! Physical models: what is measured, how the state moves, and the one linearisation they share.
 pub mod dynamics;
+pub mod gravity;
 pub mod kinematics;
 pub mod linearization;
 pub mod sensors;

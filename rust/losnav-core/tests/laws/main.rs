@@ -3,6 +3,7 @@
 //! A law iterates the lists of sensors and dynamics, so a new model signs all of them by joining its list.
 mod dual;
 mod dynamics;
+mod gravity;
 mod least_squares;
 mod normal_equations;
 mod rotations;
