@@ -13,6 +13,7 @@ from losnav.errors import (
     NumericalError,
     UnobservableError,
 )
+from losnav.navigation_state import NavState
 from losnav.observability import Observability, PoseObservability, pose_observability
 from losnav.pose import (
     PoseSolution,
@@ -39,6 +40,7 @@ __all__ = [
     "FilterLog",
     "InvalidInputError",
     "LosnavError",
+    "NavState",
     "NumericalError",
     "Observability",
     "PoseObservability",

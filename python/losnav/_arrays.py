@@ -104,6 +104,19 @@ def units(value: Any, name: str, tolerance: float = UNIT_TOLERANCE) -> FloatArra
     return array
 
 
+def quaternions(value: Any, name: str) -> FloatArray:
+    """Finite ``(..., 4)`` of unit length within :data:`UNIT_TOLERANCE`; returned with unit length."""
+    array = vectors(value, name, 4)
+    with np.errstate(over="ignore", under="ignore"):
+        norm = np.linalg.norm(array, axis=-1)
+    bad = ~(np.abs(norm - 1.0) <= UNIT_TOLERANCE)
+    if bad.any():
+        index, where = _first(bad)
+        rule = f"expected a unit quaternion [x, y, z, w] (tolerance {UNIT_TOLERANCE:g})"
+        raise InvalidInputError(f"{name}{where}: {rule}, got norm {norm[index]:.6g}")
+    return np.asarray(array / norm[..., np.newaxis])
+
+
 def rotations(value: Any, name: str) -> FloatArray:
     """Finite ``(..., 3, 3)``, orthonormal, determinant +1."""
     array = matrices(value, name)

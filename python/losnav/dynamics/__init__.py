@@ -7,7 +7,9 @@ Times are epochs of the caller's clock: a model that changes with time is told w
 
 from losnav.dynamics.clohessy_wiltshire import ClohessyWiltshire
 from losnav.dynamics.curvilinear import CurvilinearClohessyWiltshire
+from losnav.dynamics.imu import GaussMarkov, Imu
 from losnav.dynamics.relative_two_body import RelativeTwoBody
+from losnav.dynamics.site import Site
 from losnav.dynamics.two_body import TwoBody
 from losnav.dynamics.yamanaka_ankersen import YamanakaAnkersen
 
@@ -15,7 +17,10 @@ __all__ = [
     "LISTED",
     "ClohessyWiltshire",
     "CurvilinearClohessyWiltshire",
+    "GaussMarkov",
+    "Imu",
     "RelativeTwoBody",
+    "Site",
     "TwoBody",
     "YamanakaAnkersen",
 ]
