@@ -3,7 +3,8 @@
 //! `dcm` = `[BN]` takes reference components to body components; a quaternion `[x, y, z, w]` is the orientation
 //! of the body in the reference frame, `rotation_matrix(q) = dcm`ᵀ; `mrp = q_v/(1 + q_w)`. A small rotation `δα`
 //! in body axes acts from the right: `q ⊗ δq`, that is `dcm ← (I − [δα×]) dcm`.
-use super::real::Real;
+use super::real::{Mask, Real};
+use super::trig::{atan2, sin_cos};
 use super::vec3::{Mat3, Vec3, dot};
 
 /// Unit quaternion `[x, y, z, w]`, scalar last.
@@ -62,6 +63,60 @@ pub fn step<T: Real>(q: Quaternion<T>, delta: Vec3<T>) -> Quaternion<T> {
     let half = T::splat(0.5);
     let moved = quaternion_product(q, [half * delta[0], half * delta[1], half * delta[2], T::one()]);
     normalized(moved)
+}
+
+/// `Exp`: the orientation after the rotation vector `φ`, `q = [sin(|φ|/2) φ/|φ|, cos(|φ|/2)]`.
+///
+/// For `|φ|² < 0.04` by series whose first terms left out are below 3e-18; most rotations of a time step are, and then no
+/// sine is computed.
+#[inline(always)]
+pub fn exp<T: Real>(rotation: Vec3<T>) -> Quaternion<T> {
+    let theta2 = dot(rotation, rotation);
+    // sin(x)/x and cos(x), x = |φ|/2.
+    let y = T::splat(0.25) * theta2;
+    let mut k =
+        polynomial(y, [-1.0 / 39_916_800.0, 1.0 / 362_880.0, -1.0 / 5040.0, 1.0 / 120.0, -1.0 / 6.0, 1.0]);
+    let mut w = polynomial(y, [-1.0 / 3_628_800.0, 1.0 / 40_320.0, -1.0 / 720.0, 1.0 / 24.0, -0.5, 1.0]);
+    let small = theta2.lt(T::splat(0.04));
+    if small.not().any() {
+        let theta = theta2.sqrt();
+        let (sine, cosine) = sin_cos(T::splat(0.5) * theta);
+        k = T::select(small, k, (sine + sine) / theta);
+        w = T::select(small, w, cosine);
+    }
+    k = T::splat(0.5) * k;
+    [k * rotation[0], k * rotation[1], k * rotation[2], w]
+}
+
+/// The highest coefficient first.
+#[inline(always)]
+fn polynomial<T: Real>(x: T, coefficients: [f64; 6]) -> T {
+    let mut sum = T::zero();
+    for c in coefficients {
+        sum = sum.mul_add(x, T::splat(c));
+    }
+    sum
+}
+
+/// `Log`: the rotation vector of a unit quaternion of either sign, `|φ| ≤ π`.
+#[inline(always)]
+pub fn log<T: Real>(q: Quaternion<T>) -> Vec3<T> {
+    let v2 = dot([q[0], q[1], q[2]], [q[0], q[1], q[2]]);
+    let (w, two) = (q[3].abs(), T::splat(2.0));
+    let small = v2.lt(T::splat(1e-8));
+    // 2/w (1 − |v|²/3w²): the first term left out is below 2e-17.
+    let inverse = w.recip();
+    let near = two * inverse * (T::one() - v2 * inverse * inverse * T::splat(1.0 / 3.0));
+    let length = T::select(small, T::one(), v2).sqrt();
+    let k = T::select(small, near, two * atan2(length, w) / length);
+    let k = T::select(q[3].lt(T::zero()), -k, k);
+    [k * q[0], k * q[1], k * q[2]]
+}
+
+/// The opposite rotation.
+#[inline(always)]
+pub fn conjugate<T: Real>(q: Quaternion<T>) -> Quaternion<T> {
+    [-q[0], -q[1], -q[2], q[3]]
 }
 
 /// The quaternion divided by its norm.

@@ -3,5 +3,6 @@ pub mod dynamics;
 pub mod gravity;
 pub mod kinematics;
 pub mod linearization;
+pub mod nav_state;
 pub mod sensors;
 pub mod state;

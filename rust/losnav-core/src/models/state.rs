@@ -18,6 +18,8 @@ pub struct Columns {
 pub trait State<T: Real, const N: usize>: Copy {
     /// Where the parts stand in the error.
     const COLUMNS: Columns;
+    /// How many numbers the state itself is kept in: more than `N` where it holds a quaternion.
+    const NUMBERS: usize;
 
     /// What a sensor sees; `dcm` is the given attitude, used where the state has none.
     fn kinematics(&self, dcm: &Mat3<T>) -> Kinematics<T>;
@@ -31,11 +33,16 @@ pub trait State<T: Real, const N: usize>: Copy {
     fn select(mask: T::Mask, yes: &Self, no: &Self) -> Self;
     /// Is every number finite?
     fn is_finite(&self) -> T::Mask;
+    /// Number `i` of those it is kept in; zero past the last.
+    fn number(&self, i: usize) -> T;
+    /// Sets number `i`; nothing past the last.
+    fn set_number(&mut self, i: usize, value: T);
 }
 
 /// `[r v …]`: six numbers, or more that sensors do not see.
 impl<T: Real, const N: usize> State<T, N> for [T; N] {
     const COLUMNS: Columns = Columns { position: 0, velocity: Some(3), attitude: None };
+    const NUMBERS: usize = N;
 
     #[inline(always)]
     fn kinematics(&self, dcm: &Mat3<T>) -> Kinematics<T> {
@@ -86,5 +93,17 @@ impl<T: Real, const N: usize> State<T, N> for [T; N] {
             sum += self[i] * T::zero();
         }
         sum.is_finite()
+    }
+
+    #[inline(always)]
+    fn number(&self, i: usize) -> T {
+        if i < N { self[i] } else { T::zero() }
+    }
+
+    #[inline(always)]
+    fn set_number(&mut self, i: usize, value: T) {
+        if i < N {
+            self[i] = value;
+        }
     }
 }
