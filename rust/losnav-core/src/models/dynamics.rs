@@ -3,7 +3,7 @@
 //! Adding a model: its file here (struct, equation, the trait, a specimen), its name in [`dynamics!`](crate::dynamics),
 //! its parameters in the bindings, its dataclass in Python, its propagation in the oracle of the tests.
 use super::state::State;
-use crate::math::matrix::congruence;
+use crate::math::matrix::{Matrix, congruence};
 use crate::math::real::Real;
 
 pub mod clohessy_wiltshire;
@@ -13,12 +13,14 @@ pub mod field;
 pub mod kepler;
 pub mod lvlh;
 pub mod relative_two_body;
+pub mod strapdown;
 pub mod two_body;
 pub mod yamanaka_ankersen;
 
 pub use clohessy_wiltshire::ClohessyWiltshire;
 pub use curvilinear::CurvilinearClohessyWiltshire;
 pub use relative_two_body::RelativeTwoBody;
+pub use strapdown::Strapdown;
 pub use two_body::TwoBody;
 pub use yamanaka_ankersen::YamanakaAnkersen;
 
@@ -51,6 +53,20 @@ pub trait DynamicsModel<T: Real, const N: usize> {
     ) -> (Self::State, [[T; N]; N]);
     /// `Q`, the covariance the disturbance adds over `|dt|`: symmetric, positive semidefinite.
     fn process_noise(&self, step: &Self::Step, state: &Self::State) -> [[T; N]; N];
+
+    /// State at the end of the step, `Φ` and `Q`: what a filter asks for at once. Override it where `Q` depends on the
+    /// control, or shares work with `Φ`.
+    #[inline(always)]
+    fn predict(
+        &self,
+        step: &Self::Step,
+        state: &Self::State,
+        control: Self::Control,
+    ) -> (Self::State, Matrix<T, N>, Matrix<T, N>) {
+        let noise = self.process_noise(step, state);
+        let (moved, transition) = self.transition(step, state, control);
+        (moved, transition, noise)
+    }
 
     /// `Φ P Φᵀ`, exactly symmetric, of a symmetric `P`; override it to use the zeros of `Φ`.
     #[inline(always)]

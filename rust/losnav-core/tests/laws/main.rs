@@ -9,6 +9,7 @@ mod normal_equations;
 mod rotations;
 mod scene;
 mod sensors;
+mod strapdown;
 mod sym6;
 mod trig;
 

@@ -64,8 +64,7 @@ where
     D: DynamicsModel<T, N>,
     P: Covariance<T, N>,
 {
-    let noise = dynamics.process_noise(step, &estimate.state);
-    let (state, transition) = dynamics.transition(step, &estimate.state, control);
+    let (state, transition, noise) = dynamics.predict(step, &estimate.state, control);
     let covariance = estimate.covariance.propagate(dynamics, step, &transition, &noise);
     (Estimate { state, covariance }, transition)
 }
