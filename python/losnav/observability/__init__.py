@@ -5,6 +5,14 @@ Lie matrix, the square root of a Gramian); :func:`pose_observability` builds tha
 of sight and says in words what is weak. ``PoseSolution.observability`` is the same for a solved pose.
 """
 
+from losnav.observability.bound import crlb
+from losnav.observability.empirical import empirical_gramian
+from losnav.observability.information import (
+    estimation_condition,
+    gramian,
+    horizon_weighted,
+    unobservability_index,
+)
 from losnav.observability.matrix import Observability, analyze, degree
 from losnav.observability.pose import Diagnosis, PoseObservability, of_pose_solution, pose_observability
 
@@ -13,7 +21,13 @@ __all__ = [
     "Observability",
     "PoseObservability",
     "analyze",
+    "crlb",
     "degree",
+    "empirical_gramian",
+    "estimation_condition",
+    "gramian",
+    "horizon_weighted",
     "of_pose_solution",
     "pose_observability",
+    "unobservability_index",
 ]
