@@ -4,10 +4,14 @@
 use crate::math::real::Real;
 use crate::math::vec3::{Mat3, Vec3, scale};
 
+pub mod harmonics;
 pub mod point_mass;
+pub mod polyhedron;
 pub mod uniform;
 
+pub use harmonics::Harmonics;
 pub use point_mass::PointMass;
+pub use polyhedron::Polyhedron;
 pub use uniform::Uniform;
 
 /// A field of gravity. Implementations are `#[inline(always)]` for the reason given at [`Real`].
