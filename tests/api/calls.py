@@ -30,6 +30,7 @@ NEIGHBOUR = ln.dynamics.RelativeTwoBody(2.0**48, AROUND, 0.0, 2.0**-20)
 TARGET = LANDMARKS[2]
 CAMERA = ln.sensors.RangeBearing(0.25, 2.0**-10)
 LASER, DOPPLER = ln.sensors.Range(0.25), ln.sensors.RangeRate(2.0**-7)
+SUN = ln.sensors.SunDirection(2.0**-14, aberration=True)
 BODY = LOS @ np.eye(3)
 REFERENCE = BODY @ DCM
 GUESS = np.concatenate([POSITION + np.array([1, -1, 2]), MRP + 0.015625])
@@ -142,6 +143,8 @@ CALLS = {
     "RangeBearing.jacobian": Call(CAMERA.jacobian, {"state": STATE, "dcm": DCM}, {}),
     "Range.predict": Call(LASER.predict, {"state": STATE, "target": TARGET}, {}),
     "RangeRate.jacobian": Call(DOPPLER.jacobian, {"state": STATE}, {}),
+    "SunDirection.predict": Call(SUN.predict, {"state": AROUND, "dcm": DCM}, {}),
+    "SunDirection.jacobian": Call(SUN.jacobian, {"state": AROUND}, {}),
     "solve_pose": Call(
         ln.solve_pose, {"landmarks": LANDMARKS, "los": LOS, "sigma": SIGMA, "guess": GUESS}, {}
     ),

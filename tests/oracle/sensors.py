@@ -41,3 +41,19 @@ def jacobian(h, *points):
         nudged[k] += 1j * STEP
         columns.append(h(*np.split(nudged, np.cumsum(sizes)[:-1])).imag / STEP)
     return np.array(columns).T
+
+
+def sun_direction(position, dcm):
+    """From the observer to the Sun at the origin, in body axes."""
+    return dcm @ (-position / np.sqrt(position @ position))
+
+
+def boosted(direction, velocity, light=299792458.0):
+    """A direction as an observer with ``velocity`` sees it: minus the boosted momentum of its photon."""
+    beta = velocity / light
+    square = beta @ beta
+    gamma = 1 / np.sqrt(1 - square)
+    k = -direction  # the photon flies the other way, its energy one
+    energy = gamma * (1 - beta @ k)
+    momentum = k - gamma * beta + ((gamma - 1) * (beta @ k) / square) * beta
+    return -momentum / energy

@@ -12,7 +12,7 @@ from losnav.errors import InvalidInputError, NumericalError
 from losnav.filters.backward import Journey, started
 from losnav.filters.log import FilterLog
 from losnav.filters.step import Step, told_to, within_blocks
-from losnav.sensors import LineOfSight
+from losnav.sensors.listed import measures_unit_vectors
 
 if TYPE_CHECKING:
     from losnav.filters.extended import ExtendedKalmanFilter
@@ -235,7 +235,7 @@ class _Look:
 
     def dof(self, rows: int) -> int:
         """Independent rows: two of the three of a direction."""
-        if type(self.sensor) is LineOfSight:
+        if measures_unit_vectors(self.sensor):
             return 2 * rows // 3
         return int(getattr(self.sensor, "dof", rows))
 
@@ -244,7 +244,7 @@ def _whitened(
     sensor: Any, direction: FloatArray, y: FloatArray, h: FloatArray, r: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Rows of unit noise. Of a unit vector only the two components across it are measured."""
-    if type(sensor) is LineOfSight:
+    if measures_unit_vectors(sensor):
         across = _across(direction.reshape(-1, 3))
         y, h, r = across @ y, across @ h, across @ r @ across.T
     try:

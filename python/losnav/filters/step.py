@@ -9,9 +9,12 @@ import numpy as np
 
 from losnav._arrays import FloatArray
 from losnav._core import Step
-from losnav.sensors import LineOfSight
+from losnav.sensors.listed import is_listed, measures_unit_vectors
 
 __all__ = ["Step", "linear_update", "told_to", "within_blocks"]
+
+# Context that concerns some of the library's sensors and not others; the attitude concerns all.
+OF_SOME_SENSORS = ("landmarks", "target")
 
 
 def linear_update(  # noqa: PLR0917 - the engine calls it by position
@@ -58,14 +61,15 @@ def linear_update(  # noqa: PLR0917 - the engine calls it by position
 
 def told_to(sensor: Any, context: dict[str, Any]) -> dict[str, Any]:
     """What of the context concerns a sensor: landmarks those that have some, a target those of a target."""
-    if not type(sensor).__module__.startswith("losnav.sensors"):
+    if not is_listed(sensor):
         return context
-    other = "target" if type(sensor) is LineOfSight else "landmarks"
-    return {name: value for name, value in context.items() if name != other}
+    return {
+        name: value for name, value in context.items() if name in sensor.told or name not in OF_SOME_SENSORS
+    }
 
 
 def within_blocks(sensor: Any, spread: FloatArray) -> FloatArray:
     """What rows share with those of their own direction; rows of any other sensor are one block."""
-    if type(sensor) is not LineOfSight:
+    if not measures_unit_vectors(sensor):
         return spread
     return np.asarray(spread * np.kron(np.eye(len(spread) // 3), np.ones((3, 3))))

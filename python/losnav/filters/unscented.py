@@ -35,7 +35,7 @@ from losnav.filters.sigma_points import (
     sigma_points,
     symmetrised,
 )
-from losnav.sensors import LineOfSight
+from losnav.sensors.listed import measures_unit_vectors
 
 # Context of which each epoch, and each run, may have its own.
 _MATRICES = ("dcm", "landmarks")
@@ -407,7 +407,7 @@ def _degrees_of_freedom(sensor: Any, rows: int) -> int:
     given = getattr(sensor, "dof", None)
     if given is not None:
         return int(given)
-    return 2 * rows // 3 if isinstance(sensor, LineOfSight) else rows
+    return 2 * rows // 3 if measures_unit_vectors(sensor) else rows
 
 
 def _checked_gate(gate: float | None, relock_after: int | None) -> None:

@@ -13,7 +13,8 @@ Any object with ``predict``, ``jacobian`` and ``noise`` of the same signatures c
 ``residual`` if its measurement has angles.
 """
 
+from losnav.sensors.celestial import SunDirection
 from losnav.sensors.line_of_sight import LineOfSight
 from losnav.sensors.target import Range, RangeBearing, RangeRate
 
-__all__ = ["LineOfSight", "Range", "RangeBearing", "RangeRate"]
+__all__ = ["LineOfSight", "Range", "RangeBearing", "RangeRate", "SunDirection"]

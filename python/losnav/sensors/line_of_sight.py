@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -46,6 +46,9 @@ class LineOfSight(Listed):
 
     landmarks: FloatArray
     sigma: FloatArray
+
+    unit_vectors: ClassVar[bool] = True
+    told: ClassVar[tuple[str, ...]] = ("landmarks",)
 
     def __init__(self, landmarks: ArrayLike, sigma: ArrayLike) -> None:
         marks, deviation = points(landmarks, "landmarks").copy(), positive(sigma, "sigma").copy()

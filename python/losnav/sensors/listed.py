@@ -56,6 +56,16 @@ def observer(state: Any, dcm: ArrayLike | None) -> Observer:
     return Observer(array[..., :3], array[..., 3:], attitude, POSITION_VELOCITY)
 
 
+def is_listed(sensor: Any) -> bool:
+    """Is it one of the library's own?  A subclass may have changed anything."""
+    return type(sensor).__module__.startswith("losnav.sensors")
+
+
+def measures_unit_vectors(sensor: Any) -> bool:
+    """Does each three numbers of its measurement have two degrees of freedom?"""
+    return is_listed(sensor) and bool(sensor.unit_vectors)
+
+
 def turns_with(state: Any) -> bool:
     """Does the state hold an attitude?"""
     return (isinstance(state, tuple) and len(state) == 2) or hasattr(state, "mrp")
@@ -66,6 +76,10 @@ class Listed:
 
     # Columns of the measurement that are angles.
     angles: ClassVar[tuple[int, ...]] = ()
+    # Is the measurement unit vectors one after another, each with two degrees of freedom?
+    unit_vectors: ClassVar[bool] = False
+    # What it takes as context besides the attitude.
+    told: ClassVar[tuple[str, ...]] = ()
 
     def residual(self, z: ArrayLike, predicted: ArrayLike) -> FloatArray:
         """Innovation ``z - predicted``, angles wrapped to (-pi, pi].

@@ -20,6 +20,7 @@ class _OfTarget(Listed):
     sigmas: ClassVar[tuple[str, ...]]
     needs_attitude: ClassVar[bool] = False
     needs_velocity: ClassVar[bool] = False
+    told: ClassVar[tuple[str, ...]] = ("target",)
     target: FloatArray
 
     def _hold(self, target: ArrayLike, **sigmas: ArrayLike) -> None:

@@ -1,6 +1,6 @@
 //! The listed sensors as Python knows them: what of a dataclass makes the engine's struct, whatever is asked of it.
 use losnav_core::models::linearization::Weight;
-use losnav_core::models::sensors::{Law, LineOfSight, Range, RangeBearing, RangeRate};
+use losnav_core::models::sensors::{Law, LineOfSight, Range, RangeBearing, RangeRate, SunDirection};
 
 use crate::dispatch::Lanes;
 
@@ -21,6 +21,12 @@ pub trait Measured {
 #[inline(always)]
 fn scalar<V: Lanes, A: AsRef<[f64]>>(fields: &[A], field: usize) -> V {
     V::splat(fields.get(field).and_then(|f| f.as_ref().first()).copied().unwrap_or(f64::NAN))
+}
+
+/// Number `index` of a field as a switch.
+#[inline(always)]
+fn flag<A: AsRef<[f64]>>(fields: &[A], field: usize, index: usize) -> bool {
+    fields.get(field).and_then(|f| f.as_ref().get(index)).is_some_and(|value| *value != 0.0)
 }
 
 #[inline(always)]
@@ -112,6 +118,25 @@ impl Measured for RangeRate<f64> {
             measurement: first(z),
             sigma: scalar(fields, 0),
             target: triple(fields, 1),
+        });
+    }
+}
+
+impl Measured for SunDirection<f64> {
+    const FIELDS: &'static [&'static str] = &["sigma", "_seen"];
+    const PLACE: usize = 1;
+    const NEEDS_ATTITUDE: bool = false;
+
+    fn size<A: AsRef<[f64]>>(_fields: &[A]) -> (usize, usize) {
+        (3, 2)
+    }
+
+    #[inline(always)]
+    fn show<V: Lanes, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>) {
+        law.examine(&SunDirection {
+            los: first(z),
+            sigma: scalar(fields, 0),
+            aberration: flag(fields, 1, 0),
         });
     }
 }

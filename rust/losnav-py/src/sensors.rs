@@ -3,7 +3,9 @@
 use losnav_core::error::ModelError;
 use losnav_core::models::kinematics::Kinematics;
 use losnav_core::models::linearization::{Recorder, Row};
-use losnav_core::models::sensors::{Law, LineOfSight, Range, RangeBearing, RangeRate, SensorModel};
+use losnav_core::models::sensors::{
+    Law, LineOfSight, Range, RangeBearing, RangeRate, SensorModel, SunDirection,
+};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use rayon::prelude::*;

@@ -140,6 +140,14 @@ pub trait Sink<T: Real> {
         let _ = index;
         self.add(rows);
     }
+
+    /// Takes the three rows of a unit vector that err by as much in every direction; `direction` is the predicted one, in
+    /// the axes of the rows. Along it nothing is measured: override it to take only the two rows across.
+    #[inline(always)]
+    fn add_unit_vector(&mut self, rows: &Linearization<T, 3>, direction: Vec3<T>) {
+        let _ = direction;
+        self.add(rows);
+    }
 }
 
 /// Two sinks as one.
@@ -163,6 +171,12 @@ impl<T: Real, A: Sink<T>, B: Sink<T>> Sink<T> for Both<'_, A, B> {
     fn add_landmark<const M: usize>(&mut self, index: usize, rows: &Linearization<T, M>) {
         self.0.add_landmark(index, rows);
         self.1.add_landmark(index, rows);
+    }
+
+    #[inline(always)]
+    fn add_unit_vector(&mut self, rows: &Linearization<T, 3>, direction: Vec3<T>) {
+        self.0.add_unit_vector(rows, direction);
+        self.1.add_unit_vector(rows, direction);
     }
 }
 
@@ -232,6 +246,19 @@ impl<T: Real> Row<T> {
     pub fn zero() -> Self {
         let o = [T::zero(); 3];
         Self { innovation: T::zero(), d_position: o, d_velocity: o, d_attitude: o }
+    }
+
+    /// `Σ sₖ rowₖ`.
+    #[inline(always)]
+    pub(crate) fn sum<const M: usize>(s: [T; M], rows: &[Self; M]) -> Self {
+        let mut sum = Self::zero();
+        for k in 0..M {
+            sum.innovation = s[k].mul_add(rows[k].innovation, sum.innovation);
+            sum.d_position = scale_add(s[k], rows[k].d_position, sum.d_position);
+            sum.d_velocity = scale_add(s[k], rows[k].d_velocity, sum.d_velocity);
+            sum.d_attitude = scale_add(s[k], rows[k].d_attitude, sum.d_attitude);
+        }
+        sum
     }
 
     /// This row plus `s` times row `m` of a linearisation.

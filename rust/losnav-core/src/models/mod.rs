@@ -1,4 +1,5 @@
 //! Physical models: what is measured, how the state moves, and the one linearisation they share.
+pub mod apparent;
 pub mod dynamics;
 pub mod gravity;
 pub mod kinematics;

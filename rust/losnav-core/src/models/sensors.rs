@@ -11,12 +11,14 @@ pub mod line_of_sight;
 pub mod range;
 pub mod range_bearing;
 pub mod range_rate;
+pub mod sun_direction;
 mod target;
 
 pub use line_of_sight::LineOfSight;
 pub use range::Range;
 pub use range_bearing::RangeBearing;
 pub use range_rate::RangeRate;
+pub use sun_direction::SunDirection;
 
 /// A measurement and its model: linearises `z ⊟ h(x)` at a state.
 ///
@@ -53,6 +55,6 @@ pub trait Specimen<T: Real> {
 #[macro_export]
 macro_rules! sensors {
     ($then:ident) => {
-        $then! { LineOfSight, RangeBearing, Range, RangeRate }
+        $then! { LineOfSight, RangeBearing, Range, RangeRate, SunDirection }
     };
 }

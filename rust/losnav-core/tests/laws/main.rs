@@ -1,6 +1,7 @@
 //! Laws that kernels, sensors and dynamics obey, checked through the very generic code that runs.
 //!
 //! A law iterates the lists of sensors and dynamics, so a new model signs all of them by joining its list.
+mod apparent;
 mod dual;
 mod dynamics;
 mod gravity;

@@ -7,7 +7,9 @@ use losnav_core::models::kinematics::Kinematics;
 use losnav_core::models::linearization::{
     Both, Innovations, Linearization, Recorder, RootWeight, Row, Sink, Weight,
 };
-use losnav_core::models::sensors::{Law, LineOfSight, Range, RangeBearing, RangeRate, SensorModel, Specimen};
+use losnav_core::models::sensors::{
+    Law, LineOfSight, Range, RangeBearing, RangeRate, SensorModel, Specimen, SunDirection,
+};
 
 use crate::dual::First;
 use crate::scene::{moved, observer, truth};
@@ -21,10 +23,11 @@ struct Record<T> {
 
 impl<T: Real> Law<T> for Record<T> {
     fn examine(&mut self, sensor: &impl SensorModel<T>) {
-        self.rows = vec![Row::zero(); sensor.rows()];
-        let mut recorder = Recorder::new(&mut self.rows);
+        let mut rows = vec![Row::zero(); sensor.rows()];
+        let mut recorder = Recorder::new(&mut rows);
         sensor.linearize(&self.x, &mut recorder).unwrap();
         assert_eq!(recorder.offered(), sensor.rows(), "rows() says what linearize() does");
+        self.rows.extend(rows);
     }
 }
 

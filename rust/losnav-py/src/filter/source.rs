@@ -1,6 +1,8 @@
 //! Where measurements come from: a listed sensor, read once from its Python object and then made afresh, in any
 //! lanes, around every measurement.
-use losnav_core::models::sensors::{Law, LineOfSight, Range, RangeBearing, RangeRate, SensorModel};
+use losnav_core::models::sensors::{
+    Law, LineOfSight, Range, RangeBearing, RangeRate, SensorModel, SunDirection,
+};
 use pyo3::prelude::*;
 
 use super::Context;
@@ -64,7 +66,8 @@ impl Source {
     pub fn told(&self, context: &Context<'_>) -> PyResult<Option<Self>> {
         let (argument, given) = match self.name {
             "LineOfSight" => ("landmarks", &context.landmarks),
-            _ => ("target", &context.target),
+            "RangeBearing" | "Range" | "RangeRate" => ("target", &context.target),
+            _ => return Ok(None),
         };
         let Some(given) = given else { return Ok(None) };
         let array = Floats::new(given, argument)?;

@@ -1,7 +1,7 @@
 //! The sink of the filter: takes the whitened rows of one sensor's measurement, one after another.
 use super::covariance::{Covariance, Sparse};
 use crate::math::real::Real;
-use crate::math::vec3::{Mat3, across, cross, dot, rotate_transposed, scale, scale_add};
+use crate::math::vec3::{Mat3, Vec3, across, cross, dot, rotate_transposed, scale, scale_add};
 use crate::models::linearization::{Direction, Linearization, Row, Sink, Weight};
 use crate::models::state::Columns;
 
@@ -169,5 +169,16 @@ impl<T: Real, P: Covariance<T, N>, const N: usize> Sink<T> for Rows<'_, T, P, N>
             rows[m].d_attitude = scale(root, cross(across[m], h));
         }
         self.take(&rows, None, self.columns.attitude);
+    }
+
+    /// The same of a direction whose structure is another.
+    #[inline(always)]
+    fn add_unit_vector(&mut self, rows: &Linearization<T, 3>, direction: Vec3<T>) {
+        let whitened = [rows.whitened(0), rows.whitened(1), rows.whitened(2)];
+        let [a, b] = across(direction);
+        let seen = [Row::sum(a, &whitened), Row::sum(b, &whitened)];
+        let velocity = if rows.d_velocity.is_some() { self.columns.velocity } else { None };
+        let attitude = if rows.d_attitude.is_some() { self.columns.attitude } else { None };
+        self.take(&seen, velocity, attitude);
     }
 }
