@@ -3,7 +3,7 @@
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from losnav import attitude, constants, dynamics, noise, observability, sensors
+from losnav import attitude, constants, dynamics, gravity, noise, observability, sensors
 from losnav._core import __version__
 from losnav.attitude_determination import AttitudeSolution, solve_attitude, solve_attitude_robust
 from losnav.errors import (
@@ -57,6 +57,7 @@ __all__ = [
     "dynamics",
     "filters",
     "fisher_information",
+    "gravity",
     "los_jacobian",
     "noise",
     "observability",

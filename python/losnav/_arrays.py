@@ -6,6 +6,7 @@ array, a strided view or a byte-swapped array is welcome everywhere and costs on
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -187,3 +188,28 @@ def in_range(result: FloatArray, names: str) -> FloatArray:
     if not np.isfinite(result).all():
         raise InvalidInputError(f"{names}: too large, the result is not a finite number")
     return result
+
+
+def indices(value: Any, name: str, size: int) -> npt.NDArray[np.int64]:
+    """Triples ``(F, 3)`` of whole numbers from 0 to ``size - 1``."""
+    array = np.asarray(value)
+    if array.dtype.kind not in "iu" or array.ndim != 2 or array.shape[-1] != 3 or not array.size:
+        raise InvalidInputError(
+            f"{name}: expected whole numbers of shape (F, 3), got {array.dtype} of {array.shape}"
+        )
+    bad = (array < 0) | (array >= size)
+    if bad.any():
+        index, where = _first(bad)
+        raise InvalidInputError(f"{name}{where}: expected an index from 0 to {size - 1}, got {array[index]}")
+    return array.astype(np.int64)
+
+
+def hold_numbers(model: object, *, positive: Sequence[str] = (), at_least_zero: Sequence[str] = ()) -> None:
+    """Check the fields of a frozen model that are numbers, and hold them as floats."""
+    for name in (*positive, *at_least_zero):
+        value = finite(getattr(model, name), name)
+        strict = name in positive
+        if value.ndim or value < 0.0 or (strict and value == 0.0):
+            rule = "a number > 0" if strict else "a number >= 0"
+            raise InvalidInputError(f"{name}: expected {rule}, got {getattr(model, name)!r}")
+        object.__setattr__(model, name, float(value))

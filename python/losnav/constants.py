@@ -1,6 +1,15 @@
 """Constants of nature, SI, each with its source."""
 
-__all__ = ["AU", "EARTH_J2", "EARTH_MU", "EARTH_RADIUS", "JULIAN_YEAR", "SPEED_OF_LIGHT", "SUN_MU"]
+__all__ = [
+    "AU",
+    "EARTH_J2",
+    "EARTH_MU",
+    "EARTH_RADIUS",
+    "GRAVITATIONAL_CONSTANT",
+    "JULIAN_YEAR",
+    "SPEED_OF_LIGHT",
+    "SUN_MU",
+]
 
 #: Gravitational parameter of the Earth with its atmosphere, m^3/s^2 (IERS Conventions 2010, table 1.1).
 EARTH_MU = 3.986004418e14
@@ -16,3 +25,5 @@ AU = 149597870700.0
 JULIAN_YEAR = 31557600.0
 #: Speed of light in vacuum, m/s, exact (SI, definition of the metre).
 SPEED_OF_LIGHT = 299792458.0
+#: Newton's constant, m^3/kg/s^2 (CODATA 2018, 6.67430(15)e-11).
+GRAVITATIONAL_CONSTANT = 6.6743e-11

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
 
 from losnav import _core
-from losnav._arrays import ArrayLike, FloatArray, broadcast, finite, in_range, vectors
+from losnav._arrays import ArrayLike, FloatArray, broadcast, finite, hold_numbers, in_range, vectors
 from losnav.errors import InvalidInputError
+
+__all__ = ["Listed", "hold_numbers"]
 
 # In the order the engine numbers them for single states.
 _QUESTIONS = (_core.dynamics_propagate, _core.dynamics_transition, _core.dynamics_process_noise)
@@ -157,14 +158,3 @@ class Listed:
         answer = _QUESTIONS[number](name, parameters, x, u, step, start)
         in_range(answer, "state, dt or control")
         return np.asarray(answer).reshape((*shape, *((2 if number else 1) * (self.state_size,))))
-
-
-def hold_numbers(model: object, *, positive: Sequence[str] = (), at_least_zero: Sequence[str] = ()) -> None:
-    """Check the fields of a frozen model that are numbers, and hold them as floats."""
-    for name in (*positive, *at_least_zero):
-        value = finite(getattr(model, name), name)
-        strict = name in positive
-        if value.ndim or value < 0.0 or (strict and value == 0.0):
-            rule = "a number > 0" if strict else "a number >= 0"
-            raise InvalidInputError(f"{name}: expected {rule}, got {getattr(model, name)!r}")
-        object.__setattr__(model, name, float(value))

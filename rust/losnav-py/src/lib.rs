@@ -9,6 +9,7 @@ mod dispatch;
 mod dynamics;
 mod errors;
 mod filter;
+mod gravity;
 mod inputs;
 #[cfg(target_arch = "x86_64")]
 mod lanes;
@@ -44,6 +45,8 @@ mod _core {
     };
     #[pymodule_export]
     use crate::filter::{ArcRecord, Filter, Step};
+    #[pymodule_export]
+    use crate::gravity::GravityField;
     #[pymodule_export]
     use crate::los::{fisher_information, los_jacobian, predict_los};
     #[pymodule_export]

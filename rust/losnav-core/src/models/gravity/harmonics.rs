@@ -166,6 +166,13 @@ fn climb(n: usize, m: usize) -> Pair {
     [alpha, beta]
 }
 
+impl<S> Harmonics<S> {
+    /// The same field with its terms kept another way.
+    pub fn keep<K>(self, keep: impl FnOnce(S) -> K) -> Harmonics<K> {
+        Harmonics { radius: self.radius, degree: self.degree, terms: keep(self.terms) }
+    }
+}
+
 impl<S: AsRef<[Term]>> Harmonics<S> {
     /// The highest degree.
     #[must_use]
