@@ -12,15 +12,21 @@ use crate::math::real::Real;
 use crate::models::dynamics::DynamicsModel;
 use crate::models::state::State;
 
+mod absorb;
 mod covariance;
+mod joint;
 mod joseph;
+mod rays;
 mod rows;
 mod smoother;
 mod ud;
 mod update;
 
+pub use absorb::{Absorbed, absorb, gate, model_error, underweight};
 pub use covariance::{Covariance, Sparse};
+pub use joint::{Beside, Joint, JointCovariance, View};
 pub use joseph::Joseph;
+pub use rays::{BLOCK, Ray, Rays, SEEN, compress};
 pub use rows::Rows;
 pub use smoother::{Smoothed, smooth_back};
 pub use ud::Ud;
