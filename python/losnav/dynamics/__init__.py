@@ -10,6 +10,7 @@ from losnav.dynamics.curvilinear import CurvilinearClohessyWiltshire
 from losnav.dynamics.imu import GaussMarkov, Imu
 from losnav.dynamics.relative_two_body import RelativeTwoBody
 from losnav.dynamics.site import Site
+from losnav.dynamics.strapdown import Strapdown
 from losnav.dynamics.two_body import TwoBody
 from losnav.dynamics.yamanaka_ankersen import YamanakaAnkersen
 
@@ -21,6 +22,7 @@ __all__ = [
     "Imu",
     "RelativeTwoBody",
     "Site",
+    "Strapdown",
     "TwoBody",
     "YamanakaAnkersen",
 ]
