@@ -31,6 +31,13 @@ TARGET = LANDMARKS[2]
 CAMERA = ln.sensors.RangeBearing(0.25, 2.0**-10)
 LASER, DOPPLER = ln.sensors.Range(0.25), ln.sensors.RangeRate(2.0**-7)
 SUN = ln.sensors.SunDirection(2.0**-14, aberration=True)
+EYE = ln.sensors.LandmarkCamera(
+    LANDMARKS, 512.0, 1.0, COVARIANCE * 2.0**24, image_size=(512, 512), lever_arm=[0.25, -0.5, 0.125]
+)
+# The camera, the attitude that looks down: landmarks in front.
+LOOKING = {"state": np.array([-6.0, 8, 120, 1, 2, -3]), "dcm": np.diag([1.0, -1, -1])}
+BEAMS = ln.sensors.Velocimeter(2.0**-6, [[0.6, 0, 0.8], [0, 0.6, 0.8], [0, 0, 1], [0, -0.6, 0.8]])
+LASER_ALTIMETER = ln.sensors.Altimeter(0.5, boresight=[0.6, 0, 0.8])
 BODY = LOS @ np.eye(3)
 REFERENCE = BODY @ DCM
 GUESS = np.concatenate([POSITION + np.array([1, -1, 2]), MRP + 0.015625])
@@ -145,6 +152,16 @@ CALLS = {
     "RangeRate.jacobian": Call(DOPPLER.jacobian, {"state": STATE}, {}),
     "SunDirection.predict": Call(SUN.predict, {"state": AROUND, "dcm": DCM}, {}),
     "SunDirection.jacobian": Call(SUN.jacobian, {"state": AROUND}, {}),
+    "LandmarkCamera.predict": Call(
+        ln.sensors.LandmarkCamera(LANDMARKS, 512.0, 1.0).predict, {**LOOKING, "landmarks": LANDMARKS}, {}
+    ),
+    "LandmarkCamera.jacobian": Call(EYE.jacobian, LOOKING, {}),
+    "LandmarkCamera.noise": Call(EYE.noise, LOOKING, {}),
+    "LandmarkCamera.visible": Call(EYE.visible, LOOKING, {}),
+    "Velocimeter.predict": Call(BEAMS.predict, LOOKING, {}),
+    "Velocimeter.jacobian": Call(BEAMS.jacobian, LOOKING, {}),
+    "Altimeter.predict": Call(LASER_ALTIMETER.predict, LOOKING, {}),
+    "Altimeter.jacobian": Call(LASER_ALTIMETER.jacobian, LOOKING, {}),
     "solve_pose": Call(
         ln.solve_pose, {"landmarks": LANDMARKS, "los": LOS, "sigma": SIGMA, "guess": GUESS}, {}
     ),

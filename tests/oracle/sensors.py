@@ -57,3 +57,29 @@ def boosted(direction, velocity, light=299792458.0):
     energy = gamma * (1 - beta @ k)
     momentum = k - gamma * beta + ((gamma - 1) * (beta @ k) / square) * beta
     return -momentum / energy
+
+
+def turned(dcm, alpha):
+    """The attitude after a small error in body axes, (I - [alpha x]) dcm, complex-safe."""
+    x, y, z = alpha
+    return (np.eye(3) - np.array([[0 * x, -z, y], [z, 0 * x, -x], [-y, x, 0 * x]])) @ dcm
+
+
+def pinhole(position, dcm, landmarks, focal, center, *, mounting, lever_arm):
+    """Pixels of landmarks one after another: axes x right, y down, z along the boresight."""
+    pixels = []
+    for landmark in landmarks:
+        x, y, z = mounting @ (dcm @ (landmark - position) - lever_arm)
+        pixels += [focal[0] * x / z + center[0], focal[1] * y / z + center[1]]
+    return np.array(pixels)
+
+
+def velocity_along(velocity, dcm, beams):
+    """Velocity against the ground along beams given in body axes."""
+    return np.array([(dcm.T @ beam) @ velocity for beam in beams])
+
+
+def distance_to_ground(position, dcm, beam):
+    """How far along a beam the plane z = 0 is: where (position + s direction) has no height left."""
+    direction = dcm.T @ beam
+    return np.array([-position[2] / direction[2]])

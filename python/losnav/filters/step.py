@@ -9,7 +9,7 @@ import numpy as np
 
 from losnav._arrays import FloatArray
 from losnav._core import Step
-from losnav.sensors.listed import is_listed, measures_unit_vectors
+from losnav.sensors.listed import is_listed
 
 __all__ = ["Step", "linear_update", "told_to", "within_blocks"]
 
@@ -69,7 +69,6 @@ def told_to(sensor: Any, context: dict[str, Any]) -> dict[str, Any]:
 
 
 def within_blocks(sensor: Any, spread: FloatArray) -> FloatArray:
-    """What rows share with those of their own direction; rows of any other sensor are one block."""
-    if not measures_unit_vectors(sensor):
-        return spread
-    return np.asarray(spread * np.kron(np.eye(len(spread) // 3), np.ones((3, 3))))
+    """What rows share with those of their own landmark, or beam; rows of a user's sensor are one block."""
+    size = sensor.block if is_listed(sensor) and sensor.block else len(spread)
+    return np.asarray(spread * np.kron(np.eye(len(spread) // size), np.ones((size, size))))

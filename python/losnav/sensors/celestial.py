@@ -9,7 +9,7 @@ import numpy as np
 
 from losnav._arrays import ArrayLike, FloatArray, positive
 from losnav.errors import InvalidInputError
-from losnav.sensors.listed import NO_TURN, Listed, turns_with
+from losnav.sensors.listed import NO_TURN, Listed, turns_with, velocity_needed
 
 
 class _Celestial(Listed):
@@ -43,12 +43,11 @@ class _Celestial(Listed):
     def _sight(
         self, state: Any, dcm: ArrayLike | None, parameter: FloatArray, name: str
     ) -> tuple[FloatArray, FloatArray]:
-        turns = turns_with(state)
-        if dcm is None and not turns:
+        if dcm is None and not turns_with(state):
             dcm = NO_TURN
-        predicted, jacobian = self._ask(state, dcm, parameter, name, 1)
-        if self.aberration and (turns or jacobian.shape[-1] == 3):
-            raise InvalidInputError("state: expected [r v], (..., 6): aberration needs the velocity")
+        predicted, jacobian = self._ask(state, dcm, parameter, name=name, core=1)
+        if self.aberration:
+            velocity_needed(state, jacobian, "aberration")
         return predicted, jacobian
 
 

@@ -49,6 +49,7 @@ class LineOfSight(Listed):
 
     unit_vectors: ClassVar[bool] = True
     told: ClassVar[tuple[str, ...]] = ("landmarks",)
+    block: ClassVar[int] = 3
 
     def __init__(self, landmarks: ArrayLike, sigma: ArrayLike) -> None:
         marks, deviation = points(landmarks, "landmarks").copy(), positive(sigma, "sigma").copy()
@@ -67,7 +68,7 @@ class LineOfSight(Listed):
 
         Parameters
         ----------
-        state : (..., 3), (..., 6) or (position, mrp)
+        state : (..., 3), (..., 6), (position, mrp) or NavState
             See the module.
         dcm : (..., 3, 3), optional
             Known attitude, body from reference, where the state has none.
@@ -99,7 +100,7 @@ class LineOfSight(Listed):
         Returns
         -------
         (..., 3 N, K)
-            Columns ``[dr]``, ``[dr dv]`` or ``[dp dalpha]``: 1/m, s/m, 1/rad.
+            Columns ``[dr]``, ``[dr dv]``, ``[dp dalpha]`` or the 15 of a NavState: 1/m, s/m, 1/rad.
 
         Raises
         ------
@@ -175,4 +176,4 @@ class LineOfSight(Listed):
     def _linearize(
         self, state: Any, dcm: ArrayLike | None, landmarks: ArrayLike | None
     ) -> tuple[FloatArray, FloatArray]:
-        return self._ask(state, dcm, self._landmarks(landmarks), "landmarks", 2)
+        return self._ask(state, dcm, self._landmarks(landmarks), name="landmarks", core=2)

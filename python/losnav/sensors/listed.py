@@ -11,11 +11,15 @@ from losnav import _core
 from losnav._arrays import ArrayLike, FloatArray, as_float64, broadcast, finite, in_range, rotations, vectors
 from losnav.attitude import dcm_from_mrp
 from losnav.errors import InvalidInputError
+from losnav.navigation_state import NavState
 
 # Columns of the engine's rows, [dp dv dalpha], that each kind of state has.
 POSITION = np.arange(3)
 POSITION_VELOCITY = np.arange(6)
 POSE = np.array([0, 1, 2, 6, 7, 8])
+NAVIGATION = np.arange(9)
+# Columns of the biases, which no sensor sees.
+BIASES = 6
 
 # Stands in for the attitude where a sensor does not need one.
 NO_TURN = np.eye(3)
@@ -30,21 +34,26 @@ class Observer:
     velocity: FloatArray
     dcm: FloatArray
     columns: np.ndarray[Any, np.dtype[np.intp]]
+    # Further columns of the tangent, all zero.
+    unseen: int = 0
 
 
 def observer(state: Any, dcm: ArrayLike | None) -> Observer:
     """A state of any kind as a sensor sees it."""
+    if dcm is not None and turns_with(state):
+        raise InvalidInputError("dcm: the state has an attitude of its own; give one or the other")
+    if isinstance(state, NavState):
+        return Observer(state.position, state.velocity, state.dcm, NAVIGATION, BIASES)
     if hasattr(state, "position") and hasattr(state, "mrp"):
         state = (state.position, state.mrp)
     if isinstance(state, tuple) and len(state) == 2:
-        if dcm is not None:
-            raise InvalidInputError("dcm: the state has an attitude of its own; give one or the other")
         position = vectors(state[0], "position")
         return Observer(position, np.zeros(3), dcm_from_mrp(vectors(state[1], "mrp")), POSE)
     array = finite(state, "state")
     if array.ndim < 1 or array.shape[-1] not in (3, 6):
         raise InvalidInputError(
-            f"state: expected shape (..., 3), (..., 6) or a tuple (position, mrp), got {array.shape}"
+            "state: expected shape (..., 3), (..., 6), a tuple (position, mrp) or a NavState, "
+            f"got shape {array.shape}"
         )
     if dcm is None:
         raise InvalidInputError(
@@ -68,7 +77,16 @@ def measures_unit_vectors(sensor: Any) -> bool:
 
 def turns_with(state: Any) -> bool:
     """Does the state hold an attitude?"""
-    return (isinstance(state, tuple) and len(state) == 2) or hasattr(state, "mrp")
+    pair = isinstance(state, tuple) and len(state) == 2
+    return pair or isinstance(state, NavState) or hasattr(state, "mrp")
+
+
+def velocity_needed(state: Any, jacobian: FloatArray, sensor: str) -> None:
+    """Refuse a state without a velocity, going by the columns of its tangent."""
+    if not isinstance(state, NavState) and (turns_with(state) or jacobian.shape[-1] == 3):
+        raise InvalidInputError(
+            f"state: expected [r v], (..., 6), or a NavState, of which {sensor} needs the velocity"
+        )
 
 
 class Listed:
@@ -80,6 +98,8 @@ class Listed:
     unit_vectors: ClassVar[bool] = False
     # What it takes as context besides the attitude.
     told: ClassVar[tuple[str, ...]] = ()
+    # Rows that come with one landmark or beam, taken together; 0: all.
+    block: ClassVar[int] = 0
 
     def residual(self, z: ArrayLike, predicted: ArrayLike) -> FloatArray:
         """Innovation ``z - predicted``, angles wrapped to (-pi, pi].
@@ -111,11 +131,21 @@ class Listed:
         return difference
 
     def _ask(
-        self, state: Any, dcm: ArrayLike | None, parameter: FloatArray, name: str, core: int
+        self,
+        state: Any,
+        dcm: ArrayLike | None,
+        parameter: FloatArray,
+        *,
+        name: str,
+        core: int,
+        fixed: tuple[FloatArray, ...] = (),
     ) -> tuple[FloatArray, FloatArray]:
-        """Prediction and Jacobian; ``parameter`` is the array of the sensor the engine needs."""
+        """Prediction and Jacobian; ``parameter`` is the array of the sensor the engine needs.
+
+        It may have leading dimensions beyond its ``core`` ones, ``fixed`` are those that have none.
+        """
         if dcm is not None and parameter.ndim == core and not turns_with(state):
-            single = _core.sensor_single(type(self).__name__, (parameter,), state, dcm)
+            single = _core.sensor_single(type(self).__name__, (parameter, *fixed), state, dcm)
             if single is not None:
                 predicted, jacobian = single
                 return predicted, jacobian[:, : np.shape(state)[-1]]
@@ -126,13 +156,14 @@ class Listed:
             parameter = parameter[np.newaxis]
         else:
             shape, (p, v, a, parameter) = broadcast(*named, (name, parameter, core))
-        predicted, jacobian = _core.sensor_linearize(type(self).__name__, (parameter,), p, v, a)
+        others = tuple(array[np.newaxis] for array in fixed)
+        predicted, jacobian = _core.sensor_linearize(type(self).__name__, (parameter, *others), p, v, a)
         in_range(jacobian, f"state or {name}")
         rows = np.shape(predicted)[1]
-        return (
-            np.asarray(predicted).reshape((*shape, rows)),
-            np.asarray(jacobian).reshape((*shape, rows, 9))[..., x.columns],
-        )
+        seen = np.asarray(jacobian).reshape((*shape, rows, 9))[..., x.columns]
+        if x.unseen:
+            seen = np.concatenate([seen, np.zeros((*shape, rows, x.unseen))], axis=-1)
+        return np.asarray(predicted).reshape((*shape, rows)), seen
 
 
 def wrapped(angle: FloatArray) -> FloatArray:

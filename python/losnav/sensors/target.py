@@ -9,7 +9,7 @@ import numpy as np
 
 from losnav._arrays import ArrayLike, FloatArray, positive, vectors
 from losnav.errors import InvalidInputError
-from losnav.sensors.listed import NO_TURN, Listed, turns_with, wrapped
+from losnav.sensors.listed import NO_TURN, Listed, turns_with, velocity_needed, wrapped
 
 ORIGIN = (0.0, 0.0, 0.0)
 
@@ -42,7 +42,7 @@ class _OfTarget(Listed):
 
         Parameters
         ----------
-        state : (..., 3), (..., 6) or (position, mrp)
+        state : (..., 3), (..., 6), (position, mrp) or NavState
             See the module.
         dcm : (..., 3, 3), optional
             Known attitude, body from reference, where the state has none; ignored by a sensor that does not
@@ -80,7 +80,7 @@ class _OfTarget(Listed):
         Returns
         -------
         (..., M, K)
-            Columns ``[dr]``, ``[dr dv]`` or ``[dp dalpha]``.
+            Columns ``[dr]``, ``[dr dv]``, ``[dp dalpha]`` or the 15 of a NavState.
 
         Raises
         ------
@@ -150,11 +150,9 @@ class _OfTarget(Listed):
         place = self.target if target is None else vectors(target, "target")
         if not self.needs_attitude and not turns_with(state):
             dcm = NO_TURN
-        predicted, jacobian = self._ask(state, dcm, place, "target", 1)
-        if self.needs_velocity and (turns_with(state) or jacobian.shape[-1] == 3):
-            raise InvalidInputError(
-                f"state: expected [r v], (..., 6), of which {type(self).__name__} needs the velocity"
-            )
+        predicted, jacobian = self._ask(state, dcm, place, name="target", core=1)
+        if self.needs_velocity:
+            velocity_needed(state, jacobian, type(self).__name__)
         return predicted, jacobian
 
 

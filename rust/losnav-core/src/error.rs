@@ -24,6 +24,8 @@ pub enum ModelError {
     TargetTooFar,
     /// The target is straight along the body's z axis: its azimuth is undefined.
     PolarAxis,
+    /// The beam of an altimeter does not point down, or starts below the ground.
+    BeamMissesGround,
 }
 
 impl core::fmt::Display for ModelError {
@@ -37,6 +39,7 @@ impl core::fmt::Display for ModelError {
             Self::PolarAxis => {
                 write!(f, "the target is on the z axis of the body, where its azimuth is undefined")
             }
+            Self::BeamMissesGround => write!(f, "the beam of the altimeter does not meet the ground"),
         }
     }
 }

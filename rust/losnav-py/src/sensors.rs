@@ -4,7 +4,8 @@ use losnav_core::error::ModelError;
 use losnav_core::models::kinematics::Kinematics;
 use losnav_core::models::linearization::{Recorder, Row};
 use losnav_core::models::sensors::{
-    Law, LineOfSight, Range, RangeBearing, RangeRate, SensorModel, SunDirection,
+    Altimeter, LandmarkCamera, Law, LineOfSight, Range, RangeBearing, RangeRate, SensorModel, SunDirection,
+    Velocimeter,
 };
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -33,11 +34,13 @@ impl<'a> Parameter<'a> {
     }
 }
 
-/// Shows the sensor of state `k`, which measured zero with unit noise: its innovation is then `−h(x)`.
+/// Shows the sensor of state `k`, which measured zero with unit noise: its innovation is then `−h(x)`. The first
+/// parameter is its place, those that follow are its other fields as far as they matter here.
 fn show<S: Measured>(parameters: &[Parameter<'_>], k: usize, law: &mut impl Law<f64>) {
+    let mut others = parameters.iter().skip(1);
     let place = parameters.first().map_or(&[][..], |p| p.of(k));
-    let fields: Vec<&[f64]> =
-        (0..S::FIELDS.len()).map(|field| if field == S::PLACE { place } else { &[1.0] }).collect();
+    let other = |field| if field == S::PLACE { place } else { others.next().map_or(&[1.0][..], |p| p.of(k)) };
+    let fields: Vec<&[f64]> = (0..S::FIELDS.len()).map(other).collect();
     S::show(&fields, &vec![0.0; S::size(&fields).0], law);
 }
 

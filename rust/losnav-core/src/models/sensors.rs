@@ -7,18 +7,24 @@ use super::linearization::Sink;
 use crate::error::ModelError;
 use crate::math::real::Real;
 
+pub mod altimeter;
+pub mod landmark_camera;
 pub mod line_of_sight;
 pub mod range;
 pub mod range_bearing;
 pub mod range_rate;
 pub mod sun_direction;
 mod target;
+pub mod velocimeter;
 
+pub use altimeter::Altimeter;
+pub use landmark_camera::LandmarkCamera;
 pub use line_of_sight::LineOfSight;
 pub use range::Range;
 pub use range_bearing::RangeBearing;
 pub use range_rate::RangeRate;
 pub use sun_direction::SunDirection;
+pub use velocimeter::Velocimeter;
 
 /// A measurement and its model: linearises `z ⊟ h(x)` at a state.
 ///
@@ -55,6 +61,15 @@ pub trait Specimen<T: Real> {
 #[macro_export]
 macro_rules! sensors {
     ($then:ident) => {
-        $then! { LineOfSight, RangeBearing, Range, RangeRate, SunDirection }
+        $then! {
+            LineOfSight,
+            RangeBearing,
+            Range,
+            RangeRate,
+            SunDirection,
+            LandmarkCamera,
+            Velocimeter,
+            Altimeter,
+        }
     };
 }

@@ -7,8 +7,10 @@ use losnav_core::models::kinematics::Kinematics;
 use losnav_core::models::linearization::{
     Both, Innovations, Linearization, Recorder, RootWeight, Row, Sink, Weight,
 };
+use losnav_core::models::sensors::landmark_camera::{MapError, Optics};
 use losnav_core::models::sensors::{
-    Law, LineOfSight, Range, RangeBearing, RangeRate, SensorModel, Specimen, SunDirection,
+    Altimeter, LandmarkCamera, Law, LineOfSight, Range, RangeBearing, RangeRate, SensorModel, Specimen,
+    SunDirection, Velocimeter,
 };
 
 use crate::dual::First;
@@ -203,4 +205,104 @@ fn the_innovation_of_a_landmark_stands_in_its_place() {
     assert_eq!(recorder.offered(), 6);
     assert_eq!([out[0], out[1], out[4], out[5]], [1.0, 2.0, 3.0, 4.0]);
     assert!([out[2], out[3], out[6], out[7]].iter().all(|v| v.is_nan()));
+}
+
+/// Looks along +z of the reference frame: camera, body and reference axes are the same.
+fn camera<'a>(
+    landmarks: &'a [[f64; 3]],
+    pixels: &'a [[f64; 2]],
+    map: &'a [MapError<f64>],
+) -> LandmarkCamera<'a, f64> {
+    let optics = Optics {
+        focal_length: [500.0; 2],
+        principal_point: [0.0; 2],
+        camera_from_body: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+        lever_arm: [0.0; 3],
+    };
+    LandmarkCamera { landmarks, pixels, sigmas: &[2.0], map, optics }
+}
+
+const AT_REST: Kinematics<f64> = Kinematics {
+    position: [0.0; 3],
+    velocity: [0.0; 3],
+    dcm: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+};
+
+#[test]
+fn a_landmark_not_seen_hands_over_nothing() {
+    let landmarks = [[1.0, 2.0, 10.0], [3.0, 0.0, -10.0], [0.0, 4.0, 20.0]];
+    let pixels = [[51.0, 99.0], [f64::NAN; 2], [1.0, f64::NAN]];
+    let (mut rows, mut out) = ([Row::zero(); 6], [0.0; 6]);
+    let (mut recorder, mut heard) = (Recorder::new(&mut rows), Innovations::new(&mut out));
+    let sensor = camera(&landmarks, &pixels, &[]);
+    sensor.linearize(&AT_REST, &mut Both(&mut recorder, &mut heard)).unwrap();
+    assert_eq!(recorder.offered(), 2);
+    assert_eq!(out[..2], [1.0, -1.0]);
+    assert!(out[2..].iter().all(|v| v.is_nan()));
+}
+
+#[test]
+fn a_landmark_behind_the_camera_is_an_error_and_no_mirrored_pixel() {
+    for depth in [-10.0, -1e-300, 0.0] {
+        let landmarks = [[1.0, 2.0, 10.0], [1.0, 2.0, depth]];
+        let sensor = camera(&landmarks, &[[0.0; 2]; 2], &[]);
+        let mut rows = [Row::zero(); 4];
+        let outcome = sensor.linearize(&AT_REST, &mut Recorder::new(&mut rows));
+        assert_eq!(outcome, Err(ModelError::BehindCamera { index: 1 }));
+    }
+}
+
+/// Whitening with the error of the map is whitening with `σ² I + H_L Σ H_Lᵀ`, however that is said.
+#[test]
+fn errors_of_the_map_are_noise_of_the_pixels() {
+    let covariance = [[0.04, 0.01, 0.0], [0.01, 0.09, -0.02], [0.0, -0.02, 0.05]];
+    let isotropic = [[0.04, 0.0, 0.0], [0.0, 0.04, 0.0], [0.0, 0.0, 0.04]];
+    let landmark = [[1.0, 2.0, 10.0]];
+    // ∂[u v]/∂L by hand: f/z [1 0 −x/z; 0 1 −y/z].
+    let slope = [[50.0, 0.0, -5.0], [0.0, 50.0, -10.0]];
+    for (map, sigma) in [
+        (MapError::Scalar(0.04), isotropic),
+        (MapError::Full(isotropic), isotropic),
+        (MapError::Full(covariance), covariance),
+    ] {
+        let map = [map];
+        let rows = camera(&landmark, &[[0.0; 2]], &map).linearize_landmark(&AT_REST, 0, [0.0; 2]).unwrap();
+        let RootWeight::Full(s) = rows.sqrt_information else { panic!("expected correlated pixels") };
+        for i in 0..2 {
+            for j in 0..2 {
+                // S R Sᵀ = I.
+                let mut sum = 0.0;
+                for a in 0..2 {
+                    for b in 0..2 {
+                        let mut noise = if a == b { 4.0 } else { 0.0 };
+                        for k in 0..3 {
+                            for l in 0..3 {
+                                noise += slope[a][k] * sigma[k][l] * slope[b][l];
+                            }
+                        }
+                        sum += s[i][a] * noise * s[j][b];
+                    }
+                }
+                assert_close(sum, f64::from(u8::from(i == j)), 1.0, SAME_FORMULA);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_beam_that_misses_the_ground_is_an_error() {
+    let outcome = |position: [f64; 3], boresight: Option<[f64; 3]>| {
+        let x = Kinematics { position, ..AT_REST };
+        let mut rows = [Row::zero()];
+        let sensor = Altimeter { measurement: [7.0], sigma: 1.0, boresight };
+        sensor.linearize(&x, &mut Recorder::new(&mut rows)).map(|()| rows[0].innovation)
+    };
+    assert_eq!(outcome([1.0, 2.0, 5.0], None), Ok(2.0));
+    assert_eq!(outcome([1.0, 2.0, -5.0], None), Ok(12.0));
+    assert_eq!(outcome([1.0, 2.0, 5.0], Some([0.0, 0.0, -1.0])), Ok(2.0));
+    assert_eq!(outcome([1.0, 2.0, 3.2], Some([0.6, 0.0, -0.8])), Ok(3.0));
+    let misses = Err(ModelError::BeamMissesGround);
+    assert_eq!(outcome([1.0, 2.0, 5.0], Some([0.6, 0.0, 0.8])), misses);
+    assert_eq!(outcome([1.0, 2.0, 5.0], Some([1.0, 0.0, 0.0])), misses);
+    assert_eq!(outcome([1.0, 2.0, -5.0], Some([0.0, 0.0, -1.0])), misses);
 }

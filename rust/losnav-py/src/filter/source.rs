@@ -1,7 +1,8 @@
 //! Where measurements come from: a listed sensor, read once from its Python object and then made afresh, in any
 //! lanes, around every measurement.
 use losnav_core::models::sensors::{
-    Law, LineOfSight, Range, RangeBearing, RangeRate, SensorModel, SunDirection,
+    Altimeter, LandmarkCamera, Law, LineOfSight, Range, RangeBearing, RangeRate, SensorModel, SunDirection,
+    Velocimeter,
 };
 use pyo3::prelude::*;
 
@@ -59,13 +60,14 @@ impl Source {
             |attribute: &&str| Ok(Floats::new(&sensor.getattr(*attribute)?, attribute)?.data().to_vec());
         let fields = M::FIELDS.iter().map(field).collect::<PyResult<Vec<_>>>()?;
         let (rows, dof) = M::size(&fields);
-        Ok(Self { name, place, place_field: M::PLACE, fields, rows, dof, needs_attitude: M::NEEDS_ATTITUDE })
+        let needs_attitude = M::needs_attitude(&fields);
+        Ok(Self { name, place, place_field: M::PLACE, fields, rows, dof, needs_attitude })
     }
 
     /// The same sensor with the landmarks, or the target, that the caller tells; nothing if it is told neither.
     pub fn told(&self, context: &Context<'_>) -> PyResult<Option<Self>> {
         let (argument, given) = match self.name {
-            "LineOfSight" => ("landmarks", &context.landmarks),
+            "LineOfSight" | "LandmarkCamera" => ("landmarks", &context.landmarks),
             "RangeBearing" | "Range" | "RangeRate" => ("target", &context.target),
             _ => return Ok(None),
         };
@@ -75,11 +77,13 @@ impl Source {
             let text = format!("{argument}: expected finite numbers, got NaN or infinity");
             return Err(InvalidInputError::new_err(text));
         }
-        let common = self.fields.get(1).is_some_and(|sigma| sigma.len() == 1);
+        // Fields with one number for each landmark, or one for all.
+        let (each, rows) = if self.name == "LandmarkCamera" { (2..4, 2) } else { (1..2, 3) };
+        let common = self.fields.get(each).is_some_and(|fields| fields.iter().all(|field| field.len() <= 1));
         let mut other = self.clone();
         match (argument, array.shape()) {
-            ("landmarks", &[n, 3]) if n > 0 && (common || 3 * n == self.rows) => {
-                (other.rows, other.dof) = (3 * n, 2 * n);
+            ("landmarks", &[n, 3]) if n > 0 && (common || rows * n == self.rows) => {
+                (other.rows, other.dof) = (rows * n, 2 * n);
             }
             ("landmarks", shape) => return Err(shape_error(argument, "(N, 3), one for each sigma", shape)),
             (_, &[3]) => {}
