@@ -26,11 +26,11 @@ from losnav.pose import (
 )
 
 if TYPE_CHECKING:
-    from losnav import campaign, consistency, filters, orbits, scenarios, star_tracker
+    from losnav import campaign, consistency, filters, landing, orbits, scenarios, star_tracker
     from losnav.filters import ExtendedKalmanFilter, FilterLog, Step, UnscentedKalmanFilter
 
 # Imported when first asked for: solving poses needs none of them.
-_LATER = ("campaign", "consistency", "filters", "orbits", "scenarios", "star_tracker")
+_LATER = ("campaign", "consistency", "filters", "landing", "orbits", "scenarios", "star_tracker")
 _LATER_FROM = dict.fromkeys(("ExtendedKalmanFilter", "FilterLog", "Step", "UnscentedKalmanFilter"), "filters")
 
 __all__ = [
@@ -58,6 +58,7 @@ __all__ = [
     "filters",
     "fisher_information",
     "gravity",
+    "landing",
     "los_jacobian",
     "noise",
     "observability",

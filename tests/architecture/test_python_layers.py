@@ -10,7 +10,7 @@ PACKAGE = REPOSITORY / "python" / "losnav"
 LAYERS = [
     {"errors", "_arrays", "_core", "constants"},
     {"attitude", "noise", "gravity", "navigation_state", "sensors", "dynamics", "orbits"},
-    {"pose", "attitude_determination", "star_tracker", "filters", "observability", "consistency"},
+    {"pose", "attitude_determination", "star_tracker", "filters", "observability", "consistency", "landing"},
     {"scenarios", "campaign"},
     {"cli", "compat", "plotting"},
 ]
