@@ -27,11 +27,13 @@ from losnav.pose import (
 
 if TYPE_CHECKING:
     from losnav import campaign, consistency, filters, landing, orbits, scenarios, star_tracker
-    from losnav.filters import ExtendedKalmanFilter, FilterLog, Step, UnscentedKalmanFilter
+    from losnav.filters import ExtendedKalmanFilter, FilterLog, PredictiveFilter, Step, UnscentedKalmanFilter
 
 # Imported when first asked for: solving poses needs none of them.
 _LATER = ("campaign", "consistency", "filters", "landing", "orbits", "scenarios", "star_tracker")
-_LATER_FROM = dict.fromkeys(("ExtendedKalmanFilter", "FilterLog", "Step", "UnscentedKalmanFilter"), "filters")
+_LATER_FROM = dict.fromkeys(
+    ("ExtendedKalmanFilter", "FilterLog", "PredictiveFilter", "Step", "UnscentedKalmanFilter"), "filters"
+)
 
 __all__ = [
     "AttitudeSolution",
@@ -45,6 +47,7 @@ __all__ = [
     "Observability",
     "PoseObservability",
     "PoseSolution",
+    "PredictiveFilter",
     "Step",
     "Termination",
     "UnobservableError",

@@ -14,6 +14,7 @@ __all__ = [
     "AttitudeSolution",
     "Filter",
     "GravityField",
+    "InertialFilter",
     "PoseSolution",
     "Step",
     "__version__",
@@ -322,6 +323,62 @@ class Filter:
     def count(self, sensor: Any, accepted: bool) -> None: ...
 
 @final
+class InertialFilter:
+    """The estimate of a filter on inertial navigation and what moves it."""
+
+    time: float
+    def __new__(
+        cls,
+        site: Sequence[float],
+        gravity: Any,
+        noise: Sequence[float],
+        size: int,
+        form: str,
+        iterations: int,
+        underweighting: float,
+        consider: Sequence[int],
+        bounds: Sequence[float] | None,
+        relock_after: float,
+        predictive: tuple[float, bool] | None,
+        adaptive: tuple[float, float, float] | None,
+        /,
+    ) -> InertialFilter: ...
+    def set(self, states: _Floats, matrices: _Floats, stored: bool) -> None: ...
+    def state(self) -> _Floats: ...
+    def covariance(self) -> _Floats: ...
+    def stored(self) -> _Floats: ...
+    def joint_covariance(self) -> _Floats: ...
+    def beside(self, index: int) -> Any: ...
+    def set_beside(self, index: int, beside: Any) -> None: ...
+    def rejections(self) -> list[tuple[Any, float]]: ...
+    def set_rejections(self, counts: list[tuple[Any, float]]) -> None: ...
+    def remember(self) -> int: ...
+    def forget(self, key: int) -> bool: ...
+    def poses(self) -> list[tuple[int, list[float]]]: ...
+    def landmarks(self) -> list[tuple[Any, int, list[float]]]: ...
+    def model_error(self) -> _Floats: ...
+    def step(
+        self,
+        dt: float | None,
+        measurements: Sequence[tuple[Any, npt.ArrayLike]],
+        control: Any,
+        context: dict[str, Any],
+        key: int | None,
+        /,
+    ) -> list[Step] | None: ...
+    def take(self, innovation: _Floats, jacobian: _Floats, bound: float) -> tuple[float, bool]: ...
+    def rejected(self, sensor: Any) -> float: ...
+    def run(
+        self,
+        times: npt.ArrayLike,
+        measurements: Sequence[tuple[Any, npt.ArrayLike, float]],
+        controls: npt.ArrayLike | None,
+        substeps: int,
+        context: dict[str, Any],
+        /,
+    ) -> dict[str, Any] | None: ...
+
+@final
 class Step:
     """What one update of a filter did."""
 
@@ -329,7 +386,7 @@ class Step:
         cls,
         sensor: Any,
         context: dict[str, Any],
-        state: npt.ArrayLike,
+        state: Any,
         covariance: npt.ArrayLike,
         innovation: npt.ArrayLike,
         nis: float,
@@ -337,8 +394,11 @@ class Step:
         accepted: bool,
         underweighting: float,
         consider: Sequence[int],
+        used: Sequence[bool] | None = None,
         /,
     ) -> Step: ...
+    @property
+    def used(self) -> npt.NDArray[np.bool_]: ...
     @property
     def innovation(self) -> _Floats: ...
     @property

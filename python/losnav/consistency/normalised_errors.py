@@ -27,6 +27,7 @@ import numpy as np
 from losnav._arrays import ArrayLike, FloatArray, as_float64, finite
 from losnav.consistency.chi_square import checked_confidence, chi2_quantile
 from losnav.errors import InvalidInputError, NumericalError
+from losnav.navigation_state import NavState
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -243,8 +244,11 @@ def nees(
     NEES of 100 runs, 50 epochs: OPTIMISTIC: errors are 2 times as large as the covariance says
     """
     time = finite(log.time, "log.time")
-    error = difference(truth, log.state) if difference is not None else _difference(truth, log.state)
     covariance = finite(log.covariance, "log.covariance")
+    if difference is None and isinstance(log.state, NavState):
+        error = _navigation_error(truth, log.state, covariance.shape[-1])
+    else:
+        error = difference(truth, log.state) if difference is not None else _difference(truth, log.state)
     size = error.shape[-1]
     if error.ndim < 2 or error.shape[-2] != time.size or covariance.shape[-2:] != (size, size):
         raise InvalidInputError(
@@ -356,6 +360,12 @@ def _difference(truth: Any, state: Any) -> FloatArray:
         raise InvalidInputError(
             f"truth: expected as many runs as the log has, {estimate.shape[:-2]}, got {true.shape[:-2]}"
         ) from None
+
+
+def _navigation_error(truth: Any, state: NavState, size: int) -> FloatArray:
+    if not isinstance(truth, NavState):
+        raise InvalidInputError(f"truth: expected a NavState like the log's, got {type(truth).__name__}")
+    return truth.minus(state, size)
 
 
 def _normalised(error: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from losnav._arrays import FloatArray
+from losnav._arrays import FloatArray, as_float64
 from losnav.dynamics.imu import GaussMarkov, Imu
 from losnav.dynamics.listed import hold_numbers
 from losnav.dynamics.site import Site
@@ -88,7 +88,7 @@ class Strapdown:
 def numbers_of(control: Any) -> FloatArray:
     """``(specific_force, angular_rate)`` or ``(..., 6)`` as one array."""
     if isinstance(control, tuple) and len(control) == 2:
-        force, rate = (np.asarray(part, dtype=float) for part in control)
+        force, rate = (as_float64(part, "control") for part in control)
         for name, part in (("specific_force", force), ("angular_rate", rate)):
             if part.ndim < 1 or part.shape[-1] != 3:
                 raise InvalidInputError(f"control: expected {name} of shape (..., 3), got {part.shape}")
@@ -99,7 +99,7 @@ def numbers_of(control: Any) -> FloatArray:
                 f"control: shapes {force.shape} and {rate.shape} do not broadcast"
             ) from error
         return np.concatenate([np.broadcast_to(force, shape), np.broadcast_to(rate, shape)], axis=-1)
-    array = np.asarray(control, dtype=float)
+    array = as_float64(control, "control")
     if array.ndim < 1 or array.shape[-1] != 6:
         raise InvalidInputError(
             f"control: expected (specific_force, angular_rate) or shape (..., 6), got {array.shape}"

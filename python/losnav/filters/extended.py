@@ -6,17 +6,17 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 import losnav.dynamics
 from losnav import _core
-from losnav._arrays import ArrayLike, FloatArray, covariances, finite
-from losnav.consistency.chi_square import chi2_quantile
+from losnav._arrays import ArrayLike, FloatArray, finite
 from losnav.errors import InvalidInputError
 from losnav.filters import foreign
 from losnav.filters.backward import Journey
 from losnav.filters.log import FilterLog
+from losnav.filters.options import Bound, checked, definite, pairs_of
 from losnav.filters.step import Step
+from losnav.navigation_state import NavState
 
 __all__ = ["ExtendedKalmanFilter"]
 
@@ -30,8 +30,10 @@ class ExtendedKalmanFilter:
         From :mod:`losnav.dynamics`, or any object with ``propagate(state, dt, control)``,
         ``transition(state, dt, control)`` and ``process_noise(state, dt)``; with ``time_varying = True`` it
         is also told ``time=``, when a step starts.
-    state : (N,) or (runs, N)
-        Estimate at ``time``; several to :meth:`run` a batch whose runs start differently.
+    state : (N,) or (runs, N), or NavState
+        Estimate at ``time``; several to :meth:`run` a batch whose runs start differently. A
+        :class:`losnav.NavState` with :class:`losnav.dynamics.Strapdown`; see
+        :class:`losnav.filters.InertialKalmanFilter` for what that adds.
     covariance : (N, N) or (runs, N, N)
         Covariance of its error, true minus estimate; symmetric positive definite.
     gate : float, optional
@@ -84,7 +86,7 @@ class ExtendedKalmanFilter:
     def __init__(
         self,
         dynamics: Any,
-        state: ArrayLike,
+        state: ArrayLike | NavState,
         covariance: ArrayLike,
         *,
         gate: float | None = None,
@@ -95,25 +97,26 @@ class ExtendedKalmanFilter:
         consider: Sequence[int] = (),
         time: float = 0.0,
     ) -> None:
-        x = finite(state, "state")
-        if x.ndim not in (1, 2) or not x.size:
-            raise InvalidInputError(f"state: expected shape (N,) or (runs, N), got {x.shape}")
+        given: dict[str, Any] = {
+            "gate": gate,
+            "relock_after": relock_after,
+            "iterations": iterations,
+            "underweighting": underweighting,
+            "form": form,
+            "consider": consider,
+        }
+        if isinstance(dynamics, losnav.dynamics.Strapdown):
+            from losnav.filters.inertial import InertialKalmanFilter
+
+            # The same calls by another engine: what is made is of the class that documents what is more.
+            self.__class__ = InertialKalmanFilter
+            self.__init__(dynamics, state, covariance, **given, time=time)  # type: ignore[misc]
+            return
         foreign.needed(dynamics, "dynamics", ("propagate", "transition", "process_noise"))
         listed = _is_listed(dynamics)
-        if listed and x.shape[-1] != dynamics.state_size:
-            raise InvalidInputError(
-                f"state: expected {dynamics.state_size} components for {type(dynamics).__name__}, "
-                f"got {x.shape[-1]}"
-            )
-        p = _definite(covariance, x.shape)
-        options: dict[str, Any] = {
-            "gate": _checked_gate(gate),
-            "relock_after": _whole(relock_after, "relock_after", optional=True),
-            "iterations": _whole(iterations, "iterations"),
-            "underweighting": _not_negative(underweighting, "underweighting"),
-            "form": form,
-            "consider": _components(consider, x.shape[-1]),
-        }
+        x = _vectors(state, dynamics, listed)
+        p = definite(covariance, x.shape)
+        options = checked(given, x.shape[-1])
         self._options = options
         self._dynamics = dynamics
         self._listed = listed
@@ -126,7 +129,7 @@ class ExtendedKalmanFilter:
             options["iterations"],
             options["underweighting"],
             options["consider"],
-            None if gate is None else _Bound(options["gate"]),
+            None if gate is None else Bound(options["gate"]),
             float("inf") if relock_after is None else float(relock_after),
         )
         self._engine.set(x, p, False)
@@ -274,7 +277,7 @@ class ExtendedKalmanFilter:
         stays where it is: there is no single end. A measurement that cannot be taken (undefined, or the
         result not finite) is logged as not accepted, and the arc goes on.
         """
-        pairs = _pairs(measurements)
+        pairs = pairs_of(measurements)
         if self._listed:
             record = self._engine.run(times, pairs, controls, context)
             if record is not None:
@@ -323,80 +326,21 @@ class ExtendedKalmanFilter:
         return ExtendedKalmanFilter._restore, self._frozen()
 
 
-class _Bound:
-    """The bound of a gate on the normalised innovation squared, by degrees of freedom."""
-
-    def __init__(self, gate: float) -> None:
-        self.gate = gate
-
-    def __call__(self, dof: int) -> float:
-        return self.gate if self.gate >= 1.0 else float(chi2_quantile(self.gate, dof))
+def _vectors(state: Any, dynamics: Any, listed: bool) -> FloatArray:
+    """One state or several, of a size that the model knows."""
+    if isinstance(state, NavState):
+        raise InvalidInputError("state: a NavState goes with dynamics.Strapdown; expected (N,) or (runs, N)")
+    x = finite(state, "state")
+    if x.ndim not in (1, 2) or not x.size:
+        raise InvalidInputError(f"state: expected shape (N,) or (runs, N), got {x.shape}")
+    if listed and x.shape[-1] != dynamics.state_size:
+        raise InvalidInputError(
+            f"state: expected {dynamics.state_size} components for {type(dynamics).__name__}, "
+            f"got {x.shape[-1]}"
+        )
+    return x
 
 
 def _is_listed(dynamics: Any) -> bool:
     """Is it exactly one of the engine's own models?  A subclass may have changed anything."""
     return type(dynamics) in losnav.dynamics.LISTED
-
-
-def _definite(value: ArrayLike, shape: tuple[int, ...]) -> FloatArray:
-    size = shape[-1]
-    p = covariances(value, "covariance", size)
-    if p.shape[:-2] not in ((), shape[:-1]):
-        raise InvalidInputError(
-            f"covariance: expected shape {(size, size)} or {(*shape, size)} like the state, got {p.shape}"
-        )
-    scale = np.sqrt(np.diagonal(p, axis1=-2, axis2=-1))
-    if not (scale > 0.0).all():
-        raise InvalidInputError("covariance: expected positive variances on the diagonal")
-    unit = p / (scale[..., :, np.newaxis] * scale[..., np.newaxis, :])
-    try:
-        np.linalg.cholesky(unit)
-    except np.linalg.LinAlgError:
-        raise InvalidInputError("covariance: expected a positive definite matrix") from None
-    return np.ascontiguousarray(np.broadcast_to(p, (*shape, size)))
-
-
-def _checked_gate(gate: Any) -> float | None:
-    if gate is None:
-        return None
-    value = finite(gate, "gate")
-    if value.ndim or value <= 0.0:
-        raise InvalidInputError(
-            f"gate: expected a probability below 1 or a bound on the NIS from 1 on, got {gate!r}"
-        )
-    return float(value)
-
-
-def _whole(value: Any, name: str, optional: bool = False) -> int | None:
-    if value is None and optional:
-        return None
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
-        expected = "an integer >= 1 or None" if optional else "an integer >= 1"
-        raise InvalidInputError(f"{name}: expected {expected}, got {value!r}")
-    return int(value)
-
-
-def _not_negative(value: Any, name: str) -> float:
-    number = finite(value, name)
-    if number.ndim or number < 0.0:
-        raise InvalidInputError(f"{name}: expected a number >= 0, got {value!r}")
-    return float(number)
-
-
-def _components(consider: Sequence[int], size: int) -> list[int]:
-    indices = []
-    for index in consider:
-        if isinstance(index, bool) or not isinstance(index, (int, np.integer)) or not 0 <= index < size:
-            raise InvalidInputError(f"consider: expected indices from 0 to {size - 1}, got {index!r}")
-        indices.append(int(index))
-    return sorted(set(indices))
-
-
-def _pairs(measurements: Any) -> list[tuple[Any, npt.ArrayLike]]:
-    try:
-        pairs = [(sensor, z) for sensor, z in measurements]
-    except (TypeError, ValueError):
-        raise InvalidInputError(
-            f"measurements: expected a sequence of pairs (sensor, z), got {type(measurements).__name__}"
-        ) from None
-    return pairs

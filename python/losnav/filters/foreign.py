@@ -91,6 +91,20 @@ def update(
     return report(nis, True)
 
 
+def linearized(
+    sensor: Any, state: Any, z: FloatArray, context: dict[str, Any]
+) -> tuple[FloatArray, FloatArray, FloatArray, int]:
+    """Whitened innovation ``(M,)`` and rows ``(M, n)`` of a sensor at a state; innovation; freedom."""
+    if np.isinf(z).any():
+        raise InvalidInputError("z: expected finite numbers (or NaN: no measurement), got infinity")
+    look = _Look(sensor, z, context)
+    innovation, h, r = look.at(state)
+    if np.isnan(innovation).any():
+        return innovation, h, innovation, look.dof(innovation.size)
+    white, rows = _whitened(sensor, look.direction, innovation, h, r)
+    return white, np.ascontiguousarray(rows), innovation, look.dof(innovation.size)
+
+
 def step(
     ekf: ExtendedKalmanFilter,
     dt: ArrayLike,
@@ -229,7 +243,8 @@ class _Look:
             raise InvalidInputError(f"z: expected shape ({rows},), got {self.measured.shape}")
         residual = getattr(self.sensor, "residual", None)
         y = z - self.direction if residual is None else np.asarray(residual(z, self.direction), dtype=float)
-        h = _from_model(self.sensor.jacobian(x, **self.context), "sensor.jacobian(...)", (rows, x.size))
+        shape = (rows, x.size) if isinstance(x, np.ndarray) else None
+        h = _from_model(self.sensor.jacobian(x, **self.context), "sensor.jacobian(...)", shape)
         r = _from_model(self.sensor.noise(x, **self.context), "sensor.noise(...)", (rows, rows))
         return np.ravel(y), h, r
 

@@ -175,13 +175,9 @@ fn blocks_are_judged_at_the_prior() {
         };
         let every: Vec<f64> = all.chunks(2).map(nis).collect();
         let bound = every.iter().sum::<f64>() / 3.0;
-        let mut said = Vec::new();
         let mut rest = [0.0; A];
-        let judge = |block, good| said.push((block, good));
-        let (kept, rejected) = gate(&split.joint(), &mut rays, &view, &[bound; BLOCK], &mut rest, judge);
-        let expected: Vec<_> = every.iter().enumerate().map(|(k, nis)| (k, *nis <= bound)).collect();
-        assert_eq!(said, expected);
-        assert_eq!(kept + 2 * rejected, 6);
+        let (kept, total) = gate(&split.joint(), &mut rays, &view, &[bound; BLOCK], &mut rest);
+        assert!((total - every.iter().sum::<f64>()).abs() < 1e-12 * total);
         let good = all.chunks(2).zip(&every).filter(|(_, nis)| **nis <= bound).flat_map(|(pair, _)| pair);
         assert!(rays[..kept].iter().eq(good));
     }

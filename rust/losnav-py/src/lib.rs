@@ -10,6 +10,7 @@ mod dynamics;
 mod errors;
 mod filter;
 mod gravity;
+mod inertial;
 mod inputs;
 #[cfg(target_arch = "x86_64")]
 mod lanes;
@@ -47,6 +48,8 @@ mod _core {
     use crate::filter::{ArcRecord, Filter, Step};
     #[pymodule_export]
     use crate::gravity::GravityField;
+    #[pymodule_export]
+    use crate::inertial::InertialFilter;
     #[pymodule_export]
     use crate::los::{fisher_information, los_jacobian, predict_los};
     #[pymodule_export]

@@ -10,9 +10,8 @@ use crate::dynamics::Parameters;
 use crate::errors::{
     DegenerateGeometryError, InvalidInputError, NumericalError, choice_error, option_error, shape_error,
 };
-use engine::{Engine, Failure, Foreign, Listed, Look, Settings};
+use engine::{Engine, Failure, Foreign, Listed, Look};
 use family::{Form, JosephForm, UdForm};
-use source::Source;
 
 mod advance;
 mod arcs;
@@ -25,8 +24,12 @@ mod record;
 mod source;
 mod step;
 
+pub use advance::{Runs, Series};
+pub use engine::Settings;
+pub use plan::{Axes, agree, steps};
 pub use record::ArcRecord;
-pub use step::Step;
+pub use source::Source;
+pub use step::{Parts, Step};
 
 /// Sensors remembered; beyond that the one unused for longest is forgotten.
 const SENSORS: usize = 32;
@@ -209,10 +212,12 @@ impl Filter {
         } else if seen.nis.is_finite() {
             slot.rejected += 1.0;
         }
-        let parts = step::Parts {
+        let parts = Parts {
             sensor: slot.sensor.clone_ref(py),
             context: if context.is_empty() { self.empty.clone_ref(py) } else { context.clone().unbind() },
             size: self.size,
+            numbers: self.size,
+            used: vec![seen.accepted; seen.innovation.len()],
             prior: seen.prior,
             innovation: seen.innovation,
             nis: seen.nis,
@@ -355,7 +360,8 @@ impl Filter {
     }
 }
 
-fn seconds(dt: &Bound<'_, PyAny>) -> PyResult<f64> {
+/// A time step.
+pub fn seconds(dt: &Bound<'_, PyAny>) -> PyResult<f64> {
     const EXPECTED: &str = "a finite number, s";
     let value = match dt.cast_exact::<PyFloat>() {
         Ok(number) => number.value(),
@@ -386,7 +392,8 @@ pub struct Context<'py> {
 }
 
 impl<'py> Context<'py> {
-    fn new(told: &Bound<'py, PyDict>) -> PyResult<Self> {
+    /// From keyword arguments.
+    pub fn new(told: &Bound<'py, PyDict>) -> PyResult<Self> {
         let mut context = Self::default();
         for (key, value) in told {
             let key = key.cast::<PyString>()?;
@@ -430,7 +437,7 @@ fn missing_attitude() -> PyErr {
 }
 
 /// The numbers of a measurement; NaN is a missing one, infinity is not allowed.
-fn measurement<'a>(z: &'a Floats<'_>, rows: usize) -> PyResult<&'a [f64]> {
+pub fn measurement<'a>(z: &'a Floats<'_>, rows: usize) -> PyResult<&'a [f64]> {
     let data = z.data();
     if data.len() != rows {
         return Err(shape_error("z", &format!("({rows},)"), z.shape()));

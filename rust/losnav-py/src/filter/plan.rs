@@ -13,7 +13,7 @@ use crate::convert::{Buffer, Floats};
 use crate::errors::{InvalidInputError, shape_error};
 
 /// An argument with its axes understood.
-struct Axes {
+pub struct Axes {
     runs: Option<usize>,
     run_stride: usize,
     time_stride: usize,
@@ -21,8 +21,13 @@ struct Axes {
 }
 
 impl Axes {
+    /// How many runs it has rows for; none: the same for all.
+    pub fn runs(&self) -> Option<usize> {
+        self.runs
+    }
+
     /// Leading axes `()`, `(T,)` or `(runs, T)` before rows of `size` numbers in one or two axes.
-    fn of(shape: &[usize], size: usize, epochs: usize, constant: bool) -> Option<Self> {
+    pub fn of(shape: &[usize], size: usize, epochs: usize, constant: bool) -> Option<Self> {
         for trailing in [1, 2, 0] {
             let Some(split) = shape.len().checked_sub(trailing) else { continue };
             let (lead, row) = shape.split_at(split);
@@ -40,14 +45,15 @@ impl Axes {
         None
     }
 
-    fn series<'a>(&self, data: &'a [f64]) -> Series<'a> {
+    /// The rows themselves.
+    pub fn series<'a>(&self, data: &'a [f64]) -> Series<'a> {
         Series { data, size: self.size, run_stride: self.run_stride, time_stride: self.time_stride }
     }
 }
 
 /// Time steps, and when they start. Differences of equal steps differ by the rounding of the times themselves: those
 /// are one step.
-fn steps(times: &Floats<'_>, from: f64) -> PyResult<(Vec<f64>, Vec<f64>)> {
+pub fn steps(times: &Floats<'_>, from: f64) -> PyResult<(Vec<f64>, Vec<f64>)> {
     let data = times.data();
     if times.shape().len() != 1 {
         return Err(shape_error("times", "(T,)", times.shape()));
@@ -73,7 +79,7 @@ fn steps(times: &Floats<'_>, from: f64) -> PyResult<(Vec<f64>, Vec<f64>)> {
 }
 
 /// Every count of runs must be the same.
-fn agree(runs: &mut Option<usize>, argument: &str, other: Option<usize>) -> PyResult<()> {
+pub fn agree(runs: &mut Option<usize>, argument: &str, other: Option<usize>) -> PyResult<()> {
     match (*runs, other) {
         (Some(a), Some(b)) if a != b => {
             Err(InvalidInputError::new_err(format!("{argument}: expected {a} runs like the others, got {b}")))

@@ -95,6 +95,23 @@ impl Source {
         Ok(Some(other))
     }
 
+    /// Numbers of the measurement that are judged together: those of one direction, one landmark, or all.
+    pub fn block(&self) -> usize {
+        match self.name {
+            "LineOfSight" => 3,
+            "LandmarkCamera" => 2,
+            _ => self.rows.max(1),
+        }
+    }
+
+    /// Moves a landmark.
+    pub fn shift(&mut self, landmark: usize, by: [f64; 3]) {
+        let Some(field) = self.fields.get_mut(self.place_field) else { return };
+        for (value, by) in field.iter_mut().skip(3 * landmark).zip(by) {
+            *value += by;
+        }
+    }
+
     /// Shows the sensor that measured `z`.
     #[inline(always)]
     pub fn show<V: Lanes>(&self, z: &[V], law: &mut impl Law<V>) {

@@ -11,12 +11,15 @@ pub struct Step {
     sensor: Py<PyAny>,
     context: Py<PyDict>,
     size: usize,
+    /// How many numbers the state is kept in.
+    numbers: usize,
     /// State and upper triangle of the covariance before the measurement.
     prior: Vec<f64>,
     innovation: Vec<f64>,
     nis: f64,
     dof: usize,
     accepted: bool,
+    used: Vec<bool>,
     underweighting: f64,
     consider: Vec<usize>,
     linear: PyOnceLock<(Py<PyAny>, Py<PyAny>)>,
@@ -27,11 +30,13 @@ pub struct Parts {
     pub sensor: Py<PyAny>,
     pub context: Py<PyDict>,
     pub size: usize,
+    pub numbers: usize,
     pub prior: Vec<f64>,
     pub innovation: Vec<f64>,
     pub nis: f64,
     pub dof: usize,
     pub accepted: bool,
+    pub used: Vec<bool>,
     pub underweighting: f64,
     pub consider: Vec<usize>,
 }
@@ -42,11 +47,13 @@ impl From<Parts> for Step {
             sensor: p.sensor,
             context: p.context,
             size: p.size,
+            numbers: p.numbers,
             prior: p.prior,
             innovation: p.innovation,
             nis: p.nis,
             dof: p.dof,
             accepted: p.accepted,
+            used: p.used,
             underweighting: p.underweighting,
             consider: p.consider,
             linear: PyOnceLock::new(),
@@ -60,11 +67,15 @@ impl Step {
     }
 
     fn state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, &[self.size], &self.prior[..self.size])
+        let state = self.array(py, &[self.numbers], &self.prior[..self.numbers])?;
+        if self.numbers == self.size {
+            return Ok(state);
+        }
+        py.import("losnav.navigation_state")?.getattr("NavState")?.call_method1("_of", (state,))
     }
 
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let (n, mut at) = (self.size, self.size);
+        let (n, mut at) = (self.size, self.numbers);
         let mut whole = vec![0.0; n * n];
         for i in 0..n {
             for j in i..n {
@@ -96,7 +107,7 @@ impl Step {
 #[pymethods]
 impl Step {
     #[new]
-    #[pyo3(signature = (sensor, context, state, covariance, innovation, nis, dof, accepted, underweighting, consider, /))]
+    #[pyo3(signature = (sensor, context, state, covariance, innovation, nis, dof, accepted, underweighting, consider, used=None, /))]
     fn new(
         sensor: Py<PyAny>,
         context: Py<PyDict>,
@@ -108,10 +119,16 @@ impl Step {
         accepted: bool,
         underweighting: f64,
         consider: Vec<usize>,
+        used: Option<Vec<bool>>,
     ) -> PyResult<Self> {
         let numbers = |value, name| Ok::<_, PyErr>(Floats::new(value, name)?.data().to_vec());
-        let (mut prior, matrix) = (numbers(state, "state")?, numbers(covariance, "covariance")?);
-        let size = prior.len();
+        let state = match state.call_method0("_numbers") {
+            Ok(kept) => kept,
+            Err(_) => state.clone(),
+        };
+        let (mut prior, matrix) = (numbers(&state, "state")?, numbers(covariance, "covariance")?);
+        let size = matrix.len().isqrt();
+        let kept = prior.len();
         for i in 0..size {
             prior.extend(matrix.iter().skip(i * size + i).take(size - i));
         }
@@ -119,11 +136,13 @@ impl Step {
             sensor,
             context,
             size,
+            numbers: kept,
             prior,
             innovation: numbers(innovation, "innovation")?,
             nis,
             dof,
             accepted,
+            used: used.unwrap_or_default(),
             underweighting,
             consider,
         }
@@ -166,6 +185,14 @@ impl Step {
         self.accepted
     }
 
+    /// Which of the numbers were used, `(M,)`.
+    #[getter]
+    fn used<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let used =
+            if self.used.is_empty() { vec![self.accepted; self.innovation.len()] } else { self.used.clone() };
+        convert::array(py, &[used.len()], used)
+    }
+
     /// State before the measurement, `(N,)`.
     #[getter]
     fn prior_state<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
@@ -202,6 +229,7 @@ impl Step {
             self.accepted,
             self.underweighting,
             self.consider.clone(),
+            Some(self.used.clone()),
         );
         Ok((py.get_type::<Self>().into_any(), arguments.into_pyobject(py)?))
     }

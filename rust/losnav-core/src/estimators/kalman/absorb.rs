@@ -78,7 +78,7 @@ fn block_end<T>(rays: &[Ray<T>], from: usize) -> usize {
 }
 
 /// Throws out blocks whose normalised innovation squared at the prior is beyond the bound for their number of rows, or is
-/// not a number; how many rows are left, and how many blocks went. Those that stay move to the front.
+/// not a number; how many rows are left, and the sum of all. Blocks that stay move to the front, in their order.
 #[inline(always)]
 pub fn gate<T: Real, C: JointCovariance<T, N>, const N: usize>(
     covariance: &C,
@@ -86,32 +86,28 @@ pub fn gate<T: Real, C: JointCovariance<T, N>, const N: usize>(
     view: &View<'_>,
     bounds: &[f64; BLOCK],
     rest: &mut [T],
-    mut judge: impl FnMut(usize, bool),
-) -> (usize, usize) {
-    let (mut from, mut kept, mut rejected) = (0, 0, 0);
+) -> (usize, T) {
+    let (mut from, mut kept, mut total) = (0, 0, T::zero());
     while from < rays.len() {
         let end = block_end(rays, from).max(from + 1);
         let mut block = [Ray::zero(); BLOCK];
         let size = end - from;
         block[..size].copy_from_slice(&rays[from..end]);
         let noise = spread(covariance, &block[..size], view, rest);
-        let index = block[0].block;
         whiten(&mut block[..size], noise, T::one());
         let mut nis = T::zero();
         for ray in &block[..size] {
             nis = ray.innovation.mul_add(ray.innovation, nis);
         }
         let good = nis.lane(0) <= bounds[size - 1];
-        judge(index, good);
+        total += nis;
         if good {
             rays.copy_within(from..end, kept);
             kept += size;
-        } else {
-            rejected += 1;
         }
         from = end;
     }
-    (kept, rejected)
+    (kept, total)
 }
 
 /// Lear's underweighting: every block errs by `I + β H P⁻ Hᵀ`.

@@ -86,6 +86,18 @@ pub trait JointCovariance<T: Real, const N: usize> {
     fn absorb<const K: usize>(&mut self, row: &[T; K], beside: &Beside<T>, rest: &mut [T]) -> (T, [T; N]);
 }
 
+impl<T: Real, C: JointCovariance<T, N>, const N: usize> JointCovariance<T, N> for &mut C {
+    #[inline(always)]
+    fn times<const K: usize>(&self, row: &[T; K], beside: &Beside<T>, rest: &mut [T]) -> [T; N] {
+        (**self).times(row, beside, rest)
+    }
+
+    #[inline(always)]
+    fn absorb<const K: usize>(&mut self, row: &[T; K], beside: &Beside<T>, rest: &mut [T]) -> (T, [T; N]) {
+        (**self).absorb(row, beside, rest)
+    }
+}
+
 /// In Joseph's form, as [`Joseph`](super::Joseph): the whole of every symmetric block.
 #[derive(Debug)]
 pub struct Joint<'a, T, const N: usize> {

@@ -16,7 +16,7 @@ use num_traits::Float;
 
 use super::DynamicsModel;
 use crate::math::matrix::{Matrix, mirrored};
-use crate::math::real::Real;
+use crate::math::real::{Real, Work};
 use crate::math::so3::{Quaternion, dcm_from_quaternion, exp, normalized, quaternion_product};
 use crate::math::vec3::{
     Mat3, Vec3, add, cross, dot, mul, rotate, rotate_transposed, scale, scale_add, skew, splat, sub,
@@ -113,7 +113,8 @@ impl<G: Gravity> Strapdown<G> {
     /// Gravity at the site, site axes.
     #[inline(always)]
     pub fn gravity<T: Real>(&self, r: Vec3<T>) -> Vec3<T> {
-        rotate(&self.site.site_from_fixed.map(splat), self.gravity.acceleration(self.fixed(r)))
+        let pull = T::apart(Pull { gravity: &self.gravity, at: self.fixed(r) });
+        rotate(&self.site.site_from_fixed.map(splat), pull)
     }
 
     /// `v̇` of the equation above for a given `C f + d`.
@@ -146,7 +147,7 @@ impl<G: Gravity> Strapdown<G> {
         let a1 = self.acceleration(r, v, push[0]);
         let (r2, v2) = (scale_add(half, v, r), scale_add(half, a1, v));
         let c = self.site.site_from_fixed.map(splat);
-        let (g, gradient) = self.gravity.acceleration_and_gradient(self.fixed(r2));
+        let (g, gradient) = T::apart(PullAndGradient { gravity: &self.gravity, at: self.fixed(r2) });
         let gradient = mul(&mul(&c, &gradient), &transpose(&c));
         let g2 = rotate(&c, g);
         let a2 = add(push[1], add(g2, self.apparent(r2, v2)));
@@ -270,6 +271,36 @@ impl<G: Gravity> Strapdown<G> {
             drive(&mut q, density, t, &[(k, &one, 0, 1.0), (3, &one, 1, sign), (0, &one, 2, 1.0)]);
         }
         mirrored(&q)
+    }
+}
+
+/// Gravity in a function of its own: fields are large, and a step asks three times.
+struct Pull<'a, G, T> {
+    gravity: &'a G,
+    at: Vec3<T>,
+}
+
+impl<G: Gravity, T: Real> Work for Pull<'_, G, T> {
+    type Output = Vec3<T>;
+
+    #[inline(always)]
+    fn run(self) -> Vec3<T> {
+        self.gravity.acceleration(self.at)
+    }
+}
+
+/// The same with its gradient.
+struct PullAndGradient<'a, G, T> {
+    gravity: &'a G,
+    at: Vec3<T>,
+}
+
+impl<G: Gravity, T: Real> Work for PullAndGradient<'_, G, T> {
+    type Output = (Vec3<T>, Mat3<T>);
+
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        self.gravity.acceleration_and_gradient(self.at)
     }
 }
 
