@@ -124,7 +124,7 @@ def ingredients(p):
 # --- against 60 digits ---------------------------------------------------------------------------------
 
 
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(st.integers(0, 2**32), st.booleans())
 def test_bound_of_a_users_model_is_that_of_sixty_digits(seed, singular):
     p = problem(seed, singular=singular)
@@ -133,7 +133,7 @@ def test_bound_of_a_users_model_is_that_of_sixty_digits(seed, singular):
     assert in_sigma(found, expected) < IN_SIGMA
 
 
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(st.integers(0, 2**32))
 def test_gramian_of_a_users_model_is_that_of_sixty_digits(seed):
     p = problem(seed)
@@ -221,7 +221,7 @@ def test_a_filter_linearised_at_the_truth_has_this_covariance(sign):
 # --- units, batches, users' own ------------------------------------------------------------------------
 
 
-@settings(max_examples=20)
+@settings(max_examples=10)
 @given(st.integers(0, 2**32), st.lists(st.floats(-6, 6), min_size=6, max_size=6))
 def test_units_do_not_matter(seed, exponents):
     p = problem(seed)
@@ -336,6 +336,66 @@ def test_parts_of_a_measurement():
     assert in_sigma(crlb(p.model, other, p.state, p.times, p.prior), found) < IN_SIGMA
 
 
+# --- states with an attitude ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Gliding:
+    """A body that moves straight on and does not turn: a user's model of a navigation state."""
+
+    psd: float
+    size: int = 9
+
+    def propagate(self, x, dt, control=None):
+        return ln.NavState(x.position + dt * x.velocity, x.velocity, x.quaternion)
+
+    def transition(self, x, dt, control=None):
+        phi = np.eye(self.size)
+        phi[:3, 3:6] = dt * np.eye(3)
+        return phi
+
+    def process_noise(self, x, dt):
+        q = np.zeros((self.size, self.size))
+        dt = abs(dt)
+        q[:6, :6] = self.psd * np.kron([[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]], np.eye(3))
+        q[6:9, 6:9] = 1e-9 * dt * np.eye(3)
+        return q
+
+
+MARKS = np.array([[50.0, 0.0, 0.0], [-40.0, 30.0, 5.0], [0.0, -60.0, 10.0], [20.0, 45.0, 0.0]])
+
+
+def test_a_state_with_an_attitude():
+    """Landmarks from a camera, one of them unseen at times: as a filter of the same model would have it."""
+    camera = ln.sensors.LandmarkCamera(MARKS, 500.0, 0.5)
+    start = ln.NavState.from_dcm([5.0, -3.0, 200.0], [0.5, 0.2, -3.0], np.diag([1.0, -1.0, -1.0]))
+    times = np.arange(0.0, 30.0, 1.0)
+    prior = np.diag([25.0] * 3 + [0.25] * 3 + [1e-4] * 3)
+    states = [start]
+    for _ in times[1:]:
+        states.append(Gliding(1e-4).propagate(states[-1], 1.0))
+    z = np.array([camera.predict(x) for x in states])
+    z[::3, 2:4] = np.nan
+    rows = []
+    for x, measured in zip(states, z, strict=True):
+        seen = np.isfinite(measured)
+        rows.append(camera.jacobian(x)[seen, :9] / 0.5)
+    model = Gliding(1e-4)
+    steps = [model.transition(None, 1.0)] * 29, [model.process_noise(None, 1.0)] * 29
+    expected = information.posterior_bounds(*steps, rows, prior)
+    assert in_sigma(crlb(model, [(camera, z)], start, times, prior), expected) < IN_SIGMA
+    # A model that carries biases and an acceleration: columns of the sensor are put where they belong.
+    larger = np.zeros((18, 18))
+    larger[:9, :9], larger[9:, 9:] = prior, np.eye(9)
+    found = crlb(Gliding(1e-4, 18), [(camera, z)], start, times, larger)
+    assert in_sigma(found[:, :9, :9], expected) < IN_SIGMA
+    np.testing.assert_allclose(found[-1, 9:, 9:], np.eye(9), atol=1e-12)
+    exact = gramian(model, camera, start, times)
+    moved = empirical_gramian(model, camera, start, times, [0.01] * 3 + [0.001] * 3 + [1e-5] * 3)
+    size = np.sqrt(np.diagonal(exact))
+    assert np.abs((moved - exact) / size / size[:, None]).max() < FINITE_STEP
+
+
 # --- what cannot be known ------------------------------------------------------------------------------
 
 
@@ -380,35 +440,35 @@ def test_a_component_without_a_prior():
 
 
 W = 1.04248275e-3
-APPROACH = np.array([-520.0, 10.0, 20.0, 0.0324, -0.02, 0.02])
+RENDEZVOUS = np.array([-520.0, 10.0, 20.0, -0.0324, -0.02, 0.02])
 
 
-def approach(control=None):
+def angles_only(control=None):
     model = ln.dynamics.ClohessyWiltshire(W)
     camera = ln.sensors.LineOfSight([[0.0, 0.0, 0.0]], 5e-4)
     times = np.arange(0.0, 6000.0, 60.0)
-    root = gramian(model, camera, APPROACH, times, controls=control, dcm=EYE, root=True)
-    return analyze(root, scale=[1.0] * 3 + [W] * 3, tolerance=1e-8)
+    root = gramian(model, camera, RENDEZVOUS, times, controls=control, dcm=EYE, root=True)
+    return analyze(root, scale=[1.0] * 3 + [W] * 3)
 
 
 def test_angles_alone_do_not_tell_the_distance():
     """A linear model: twice the state is seen in the same directions."""
-    still = approach()
+    still = angles_only()
     assert still.rank == 5
     along = still.unobservable[:, 0] / still.scale
-    expected = APPROACH / still.scale
+    expected = RENDEZVOUS / still.scale
     cosine = abs(along @ expected) / np.linalg.norm(along) / np.linalg.norm(expected)
-    assert 1 - cosine < 1e-6
-    assert still.degree < 1e-8
+    assert 1 - cosine < 1e-12
+    assert still.degree < 1e-14
 
 
 def test_an_impulse_tells_it():
-    """0.1 m/s across the line of sight, ten minutes into the arc."""
+    """0.1 m/s along the track, ten minutes into the arc."""
     burn = np.zeros((99, 3))
-    burn[10, 2] = 0.1 / 60
-    told = approach(burn)
+    burn[10, 0] = 0.1 / 60
+    told = angles_only(burn)
     assert told.rank == 6
-    assert told.degree > 1e-4
+    assert told.degree == pytest.approx(1.3e-3, abs=0.05e-3)
 
 
 # --- other Gramians and indices ------------------------------------------------------------------------

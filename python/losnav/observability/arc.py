@@ -19,6 +19,8 @@ __all__ = ["Course", "Look", "course", "rows_of", "survey", "told_at", "triangul
 
 # Variance, relative to the largest of a measurement with unit diagonal, that counts as none at all.
 _EXACT = 1e-12
+# Columns of a sensor of navigation states.
+_NAVIGATION = 15
 # Context whose entries are matrices; the others are vectors, an epoch a number.
 _MATRICES = ("dcm", "landmarks")
 
@@ -114,7 +116,7 @@ def course(
     if isinstance(x, np.ndarray) and not x.ndim:
         raise InvalidInputError(f"state: expected shape (..., N), got {x.shape}")
     steps = _steps(controls, epochs.size - 1, start is not None)
-    if _ours(dynamics, "dynamics"):
+    if _ours(dynamics, "dynamics") and hasattr(dynamics, "trajectory"):
         return _flown(dynamics, x, epochs, steps)
     if not isinstance(x, np.ndarray) or x.ndim == 1:
         return _stepped(dynamics, x, epochs, steps)
@@ -206,16 +208,20 @@ def looks(sensor: Any, epochs: int) -> list[Look]:
                     f"{name}: expected an object with predict, jacobian and noise, or a sequence of such "
                     f"objects or pairs (object, seen); {type(one).__name__} has no {method}"
                 )
-        found.append(Look(one, _seen(seen, name, epochs)))
+        found.append(Look(one, _seen(seen, name, epochs, getattr(one, "block", 0))))
     return found
 
 
-def _seen(value: Any, name: str, epochs: int) -> npt.NDArray[np.bool_]:
+def _seen(value: Any, name: str, epochs: int, block: int) -> npt.NDArray[np.bool_]:
     if value is None:
         return np.ones((epochs, 1), dtype=bool)
     mask = np.array(value)
     if mask.dtype != bool:
         mask = np.isfinite(as_float64(value, name))
+        # A measurement with a NaN is none; of one in blocks, the images of landmarks, that block is none.
+        if mask.ndim == 2 and mask.shape[1]:
+            whole = mask.reshape(len(mask), -1, block or mask.shape[1]).all(axis=-1)
+            mask = np.asarray(np.repeat(whole, block, axis=1) if block else whole)
     if mask.ndim == 1:
         mask = mask[:, np.newaxis]
     if mask.ndim != 2 or len(mask) != epochs:
@@ -238,12 +244,24 @@ def _weighted(path: Course, look: Look, context: dict[str, Any]) -> FloatArray:
     else:
         jacobian, noise = _asked(path, look, context, epochs)
     h, r = finite(jacobian, "sensor.jacobian(...)"), finite(noise, "sensor.noise(...)")
+    if hasattr(path.at(0), "inject"):
+        h = _columns(h, path.size)
     if h.ndim < 3 or h.shape[-1] != path.size or r.shape[-2:] != (h.shape[-2], h.shape[-2]):
         raise InvalidInputError(
             f"sensor.jacobian(...): expected (M, {path.size}) and of sensor.noise(...) (M, M), got "
             f"{h.shape[-2:]} and {r.shape[-2:]}"
         )
     return _scattered(_whitened(h, r, look.seen[epochs]), epochs, path.times.size)
+
+
+def _columns(h: FloatArray, size: int) -> FloatArray:
+    """Columns ``[dr dv da db_a db_g]`` of a sensor as the model's tangent has them: without biases 9, or 12
+    with an acceleration; with biases 15, or 18."""
+    if h.shape[-1] != _NAVIGATION or size == _NAVIGATION:
+        return h
+    kept = h[..., : _NAVIGATION if size >= _NAVIGATION else _NAVIGATION - 6]
+    more = np.zeros((*h.shape[:-1], max(size - kept.shape[-1], 0)))
+    return np.concatenate([kept, more], axis=-1)
 
 
 def _scattered(rows: FloatArray, epochs: npt.NDArray[np.intp], count: int) -> FloatArray:
