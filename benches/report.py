@@ -26,6 +26,12 @@ FILTER_TARGETS = [
     {"losnav run": 0.025, "numba prange": 4.0},
 ]
 
+# Inertial navigation, likewise.
+INERTIAL_TARGETS = [
+    {"losnav predict": 1.0, "numba twin": 1.0, "NumPy twin": 20},
+    {"losnav update": 2.0, "numba twin": 5.0, "NumPy twin": 20},
+]
+
 
 def head(machine, versions, quick):
     """Title, machine, how to read the tables."""
@@ -166,7 +172,25 @@ def filters(found):
         "is spared: head of `benches/filters.py`.",
         "",
     ]
-    for (title, table), targets in zip(found.items(), FILTER_TARGETS, strict=True):
+    return "\n".join([*lines, *_filter_tables(found, FILTER_TARGETS)])
+
+
+def inertial(found):
+    """The section of the filter on inertial navigation."""
+    lines = [
+        "## Inertial navigation",
+        "",
+        "Fifteen errors; every row takes the same samples and images. Difference: the largest of state and",
+        "covariance from losnav's, in standard deviations. What each is spared: head of",
+        "`benches/inertial.py`.",
+        "",
+    ]
+    return "\n".join([*lines, *_filter_tables(found, INERTIAL_TARGETS)])
+
+
+def _filter_tables(found, all_targets):
+    lines = []
+    for (title, table), targets in zip(found.items(), all_targets, strict=True):
         lines += [
             f"### {title}",
             "",
@@ -186,7 +210,7 @@ def filters(found):
             else:
                 lines.append(verdict(f"times as fast as {name}", row.ratio, wanted, at_least=True))
         lines.append("")
-    return "\n".join(lines)
+    return lines
 
 
 def _filter_time(nanoseconds):

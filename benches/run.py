@@ -22,7 +22,7 @@ sys.path.insert(0, str(ROOT))
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
-from benches import attitude, filters, growth, kernels, report, single  # noqa: E402
+from benches import attitude, filters, growth, inertial, kernels, report, single  # noqa: E402
 
 RESULTS = ROOT / "benches" / "RESULTS.md"
 PICTURE = ROOT / "docs" / "images" / "growth.png"
@@ -35,18 +35,24 @@ def main(arguments=None):
     parser.add_argument("--output", type=Path, default=None, help="file instead of benches/RESULTS.md")
     parser.add_argument("--rounds", type=int, default=None, help="interleaved rounds of each table")
     parser.add_argument("--only-filters", action="store_true", help="that section alone, the others kept")
+    parser.add_argument("--only-inertial", action="store_true", help="likewise")
     options = parser.parse_args(arguments)
     quick = options.quick
     rounds = options.rounds or (3 if quick else 25)
-    if options.only_filters:
-        _replace_section(_filter_section(quick, rounds), options.output or (None if quick else RESULTS))
-        return
+    for wanted, section in (
+        (options.only_filters, _filter_section),
+        (options.only_inertial, _inertial_section),
+    ):
+        if wanted:
+            _replace_section(section(quick, rounds), options.output or (None if quick else RESULTS))
+            return
     parts = [report.head(machine(), versions(), quick)]
     parts += _single_tables(quick, rounds)
     parts += _batch_tables(quick, rounds)
     _say("attitude from vectors")
     parts.append(attitude.section(quick, rounds))
     parts.append(_filter_section(quick, rounds))
+    parts.append(_inertial_section(quick, rounds))
     if not quick:
         parts.append(report.kernels(kernels.criterion(), kernels.instructions(), kernels.public_call()))
         parts.append(report.WHY)
@@ -109,6 +115,11 @@ def _batch_tables(quick, rounds):
 def _filter_section(quick, rounds):
     _say("filters")
     return report.filters(filters.tables(quick=quick, rounds=rounds))
+
+
+def _inertial_section(quick, rounds):
+    _say("inertial navigation")
+    return report.inertial(inertial.tables(rounds=3 if quick else rounds))
 
 
 def _replace_section(section, path):

@@ -168,7 +168,7 @@ class Velocimeter(_OfGround):
 
 @dataclass(frozen=True, eq=False, init=False)
 class Altimeter(_OfGround):
-    """Height above the horizon of the site, the plane ``z = 0`` of its frame (L7).
+    """Height above the horizon of the site, the plane ``z = 0`` of its frame (L6a).
 
     Measurement ``(..., 1)``, m: along the vertical, ``r_z``, whatever the attitude (a radar altimeter with a
     wide beam); or along a beam fixed to the body, ``-r_z / d_z`` with ``d = dcm.T @ boresight`` (a laser).
