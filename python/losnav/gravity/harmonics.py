@@ -232,7 +232,7 @@ class Harmonics(Field):
             f"harmonics of degree {self.degree} used {distance:.0f} m from the centre, inside the sphere of "
             f"{self.brillouin_radius:.0f} m around the body (Brillouin), where the series need not converge: "
             f"the first degree left out is {growth:.2g} times what it is on the sphere. At 20 m above Eros "
-            "degree 4 is wrong by 23 % at the tip and 900 % elsewhere. Use gravity.Polyhedron, or say "
+            "degree 4 is wrong by 15 to 40 % at the tips, tenfold elsewhere. Use gravity.Polyhedron, or say "
             "brillouin_radius=0 if this is known",
             BrillouinWarning,
             stacklevel=4,

@@ -1,7 +1,7 @@
 //! The fields of `losnav.gravity`: made of the numbers their Python objects hold, kept behind a handle, evaluated over arrays.
 use std::sync::Arc;
 
-use losnav_core::math::real::Real;
+use losnav_core::math::real::{Real, Work};
 use losnav_core::math::vec3::{Mat3, Vec3};
 use losnav_core::models::gravity::harmonics::{Term, terms_of};
 use losnav_core::models::gravity::polyhedron::{Edge, Face};
@@ -25,10 +25,10 @@ pub enum AnyGravity {
 macro_rules! each {
     ($self:ident, $field:ident => $answer:expr) => {
         match $self {
-            Self::PointMass($field) => $answer,
-            Self::Uniform($field) => $answer,
-            Self::Harmonics($field) => $answer,
-            Self::Polyhedron($field) => $answer,
+            AnyGravity::PointMass($field) => $answer,
+            AnyGravity::Uniform($field) => $answer,
+            AnyGravity::Harmonics($field) => $answer,
+            AnyGravity::Polyhedron($field) => $answer,
         }
     };
 }
@@ -40,16 +40,47 @@ impl Gravity for AnyGravity {
     }
     #[inline(always)]
     fn acceleration<T: Real>(&self, r: Vec3<T>) -> Vec3<T> {
-        each!(self, field => field.acceleration(r))
+        T::apart(Pull { field: self, r })
     }
     #[inline(always)]
     fn acceleration_and_gradient<T: Real>(&self, r: Vec3<T>) -> (Vec3<T>, Mat3<T>) {
-        each!(self, field => field.acceleration_and_gradient(r))
+        T::apart(Bend { field: self, r })
+    }
+}
+
+/// [`Gravity::acceleration`], compiled once for each kind of number, not for every model that flies in it.
+struct Pull<'a, T> {
+    field: &'a AnyGravity,
+    r: Vec3<T>,
+}
+
+impl<T: Real> Work for Pull<'_, T> {
+    type Output = Vec3<T>;
+
+    #[inline(always)]
+    fn run(self) -> Vec3<T> {
+        let Self { field, r } = self;
+        each!(field, field => field.acceleration(r))
+    }
+}
+
+/// [`Gravity::acceleration_and_gradient`].
+struct Bend<'a, T> {
+    field: &'a AnyGravity,
+    r: Vec3<T>,
+}
+
+impl<T: Real> Work for Bend<'_, T> {
+    type Output = (Vec3<T>, Mat3<T>);
+
+    #[inline(always)]
+    fn run(self) -> (Vec3<T>, Mat3<T>) {
+        let Self { field, r } = self;
+        each!(field, field => field.acceleration_and_gradient(r))
     }
 }
 
 impl AnyGravity {
-    #[allow(dead_code, reason = "for models of motion")]
     /// The field behind an object of `losnav.gravity`.
     pub fn from_python(gravity: &Bound<'_, PyAny>) -> PyResult<Self> {
         let handle = gravity.getattr("_field").ok();

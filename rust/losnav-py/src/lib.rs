@@ -21,6 +21,7 @@ mod pose;
 mod robust;
 mod sensors;
 mod solution;
+mod strapdown;
 mod threads;
 mod values;
 mod wahba;
@@ -62,6 +63,8 @@ mod _core {
     use crate::sensors::{sensor_linearize, sensor_single};
     #[pymodule_export]
     use crate::solution::PoseSolution;
+    #[pymodule_export]
+    use crate::strapdown::StrapdownModel;
     #[pymodule_export]
     use crate::wahba::solve_attitude;
     #[pymodule_export]

@@ -66,7 +66,8 @@ type Beside = (
 /// A landmark of a sensor, and where it is believed to be beside its place in the map.
 type Corrected<'py> = (Bound<'py, PyAny>, usize, [f64; 3]);
 
-fn model_of(site: &[f64], gravity: &Bound<'_, PyAny>, noise: &[f64]) -> PyResult<Strapdown<AnyGravity>> {
+/// The model of the numbers that `losnav.dynamics.Strapdown` has for it.
+pub fn model_of(site: &[f64], gravity: &Bound<'_, PyAny>, noise: &[f64]) -> PyResult<Strapdown<AnyGravity>> {
     let (&[a, b, c, d, e, f, g, h, i, x, y, z, u, v, w], &[q_a, q_w, q_ba, q_bg, deviation, time_constant]) =
         (site, noise)
     else {
