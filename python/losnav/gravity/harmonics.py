@@ -89,7 +89,7 @@ class Harmonics(Field):
         cosine[0, 0] = 1.0
         limit = radius if brillouin_radius is None else brillouin_radius
         held = {"mu": mu, "radius": radius, "c": cosine, "s": sine, "normalized": bool(normalized)}
-        for name, value in {**held, "brillouin_radius": limit, "_quiet": False}.items():
+        for name, value in {**held, "brillouin_radius": limit, "_quiet": limit == 0.0}.items():
             if isinstance(value, np.ndarray):
                 value.flags.writeable = False
             object.__setattr__(self, name, value)
