@@ -3,9 +3,10 @@
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from losnav import attitude, constants, dynamics, gravity, noise, observability, sensors
+from losnav import attitude, constants, dynamics, ephemeris, gravity, noise, observability, sensors
 from losnav._core import __version__
 from losnav.attitude_determination import AttitudeSolution, solve_attitude, solve_attitude_robust
+from losnav.ephemeris import Ephemeris
 from losnav.errors import (
     DegenerateGeometryError,
     InvalidInputError,
@@ -38,6 +39,7 @@ _LATER_FROM = dict.fromkeys(
 __all__ = [
     "AttitudeSolution",
     "DegenerateGeometryError",
+    "Ephemeris",
     "ExtendedKalmanFilter",
     "FilterLog",
     "InvalidInputError",
@@ -58,6 +60,7 @@ __all__ = [
     "consistency",
     "constants",
     "dynamics",
+    "ephemeris",
     "filters",
     "fisher_information",
     "gravity",

@@ -9,7 +9,7 @@ from tests.conftest import REPOSITORY
 PACKAGE = REPOSITORY / "python" / "losnav"
 LAYERS = [
     {"errors", "_arrays", "_core", "constants"},
-    {"attitude", "noise", "gravity", "navigation_state", "sensors", "dynamics", "orbits"},
+    {"attitude", "noise", "gravity", "navigation_state", "ephemeris", "sensors", "dynamics", "orbits"},
     {"pose", "attitude_determination", "star_tracker", "filters", "observability", "consistency", "landing"},
     {"scenarios", "campaign"},
     {"cli", "compat", "plotting"},

@@ -79,3 +79,22 @@ def process_noise(state, dt, psd, **field):
 
     end = integrate(rates, np.concatenate([state, np.zeros(36)]), dt)
     return psd * abs(dt) * end[6:].reshape(6, 6) * np.outer(unit, unit)
+
+
+def pulled(r, bodies, mu):
+    """Gravity of a centre and of bodies ``(mu, place)``, which pull the centre too; complex-safe."""
+    total = gravity(r, mu)
+    for strength, place in bodies:
+        d = r - place
+        total = total - strength * (d / np.sqrt(d @ d) ** 3 + place / np.sqrt(place @ place) ** 3)
+    return total
+
+
+def propagate_among(state, dt, bodies, *, time, mu, control=(0.0, 0.0, 0.0)):
+    """``[r v]`` after ``dt`` from ``time`` among bodies ``(mu, place of t)``."""
+
+    def rates(t, y):
+        there = [(strength, place(time + t)) for strength, place in bodies]
+        return np.concatenate([y[3:], pulled(y[:3], there, mu) + control])
+
+    return integrate(rates, state, dt)

@@ -83,3 +83,14 @@ def distance_to_ground(position, dcm, beam):
     """How far along a beam the plane z = 0 is: where (position + s direction) has no height left."""
     direction = dcm.T @ beam
     return np.array([-position[2] / direction[2]])
+
+
+def body_direction(position, velocity, dcm, *, path, light_time, aberration, light=299792458.0):
+    """To a body whose place ``path(delay before the measurement)`` tells, by fixed-point iteration."""
+    delay = 0.0
+    for _ in range(12 if light_time else 0):
+        d = path(delay) - position
+        delay = np.sqrt(d @ d) / light
+    d = path(delay) - position
+    u = d / np.sqrt(d @ d)
+    return dcm @ (boosted(u, velocity) if aberration else u)

@@ -11,6 +11,7 @@ from losnav.dynamics.imu import GaussMarkov, Imu
 from losnav.dynamics.relative_two_body import RelativeTwoBody
 from losnav.dynamics.site import Site
 from losnav.dynamics.strapdown import Strapdown
+from losnav.dynamics.third_body import ThirdBody
 from losnav.dynamics.two_body import TwoBody
 from losnav.dynamics.yamanaka_ankersen import YamanakaAnkersen
 
@@ -23,6 +24,7 @@ __all__ = [
     "RelativeTwoBody",
     "Site",
     "Strapdown",
+    "ThirdBody",
     "TwoBody",
     "YamanakaAnkersen",
 ]

@@ -119,6 +119,7 @@ class Listed:
         x, epochs = vectors(state, "state", self.state_size), finite(times, "times")
         if epochs.ndim != 1 or not epochs.size:
             raise InvalidInputError(f"times: expected shape (T,) with T >= 1, got {epochs.shape}")
+        self._check_span(epochs.min(), epochs.max(), "times")
         steps = epochs.size - 1
         u = np.zeros(3) if control is None else vectors(control, "control")
         if u.ndim == 1:
@@ -129,13 +130,21 @@ class Listed:
             )
         shape, (x, u) = broadcast(("state", x, 1), ("control", u, 2))
         states = _core.dynamics_trajectory(
-            type(self).__name__, self._parameters(), x, u.reshape(-1, 3), np.diff(epochs), epochs[:1]
+            self._engine_name, self._parameters(), x, u.reshape(-1, 3), np.diff(epochs), epochs[:1]
         )
         in_range(states, "state, times or control")
         return np.asarray(states).reshape((*shape, epochs.size, self.state_size))
 
+    @property
+    def _engine_name(self) -> str:
+        """What the engine calls the model."""
+        return type(self).__name__
+
     def _parameters(self) -> list[float]:
         raise NotImplementedError
+
+    def _check_span(self, start: FloatArray, end: FloatArray, name: str) -> None:
+        """Refuse times the model knows nothing of."""
 
     def _ask(
         self,
@@ -145,12 +154,13 @@ class Listed:
         control: ArrayLike | None,
         time: ArrayLike,
     ) -> FloatArray:
-        name, parameters = type(self).__name__, self._parameters()
+        name, parameters = self._engine_name, self._parameters()
         single = _core.dynamics_single(name, parameters, number, state, control, dt, time)
         if single is not None:
             return single
         x, step = vectors(state, "state", self.state_size), finite(dt, "dt")
         start = finite(time, "time")
+        self._check_span(start, start + step, "time")
         u = np.zeros(3) if control is None else vectors(control, "control")
         shape, (x, step, u, start) = broadcast(
             ("state", x, 1), ("dt", step, 0), ("control", u, 1), ("time", start, 0)

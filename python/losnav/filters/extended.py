@@ -10,7 +10,7 @@ import numpy as np
 import losnav.dynamics
 from losnav import _core
 from losnav._arrays import ArrayLike, FloatArray, finite
-from losnav.errors import InvalidInputError
+from losnav.errors import InvalidInputError, NumericalError
 from losnav.filters import foreign
 from losnav.filters.backward import Journey
 from losnav.filters.log import FilterLog
@@ -122,7 +122,7 @@ class ExtendedKalmanFilter:
         self._listed = listed
         self._lead = x.shape[:-1]
         self._engine = _core.Filter(
-            type(dynamics).__name__ if listed else None,
+            dynamics._engine_name if listed else None,
             dynamics._parameters() if listed else [],
             x.shape[-1],
             form,
@@ -174,7 +174,11 @@ class ExtendedKalmanFilter:
             If the prediction is not finite; the filter is as it was.
         """
         if self._listed:
-            self._engine.predict(dt, control)
+            try:
+                self._engine.predict(dt, control)
+            except NumericalError:
+                self._check_span(self.time + dt, "dt")
+                raise
         else:
             foreign.predict(self._engine, self._dynamics, dt, control)
 
@@ -186,7 +190,7 @@ class ExtendedKalmanFilter:
         sensor : sensor
             From :mod:`losnav.sensors`, or any object with ``predict(state, **context)``,
             ``jacobian(state, **context)`` and ``noise(state, **context)``, optionally
-            ``residual(z, predicted)``.
+            ``residual(z, predicted)``; with ``time_varying = True`` it is also told ``time=``.
         z : (M,)
             Measurement; NaN if there is none.
         **context
@@ -235,7 +239,11 @@ class ExtendedKalmanFilter:
             As :meth:`predict` and :meth:`update`; the filter is then as it was before both.
         """
         if self._listed:
-            step = self._engine.step(dt, sensor, z, control, context)
+            try:
+                step = self._engine.step(dt, sensor, z, control, context)
+            except NumericalError:
+                self._check_span(self.time + dt, "dt")
+                raise
             if step is not None:
                 return step
         return foreign.step(self, dt, sensor, z, control=control, context=context)
@@ -279,12 +287,19 @@ class ExtendedKalmanFilter:
         """
         pairs = pairs_of(measurements)
         if self._listed:
+            if self._dynamics.time_varying:
+                self._check_span(times, "times")
             record = self._engine.run(times, pairs, controls, context)
             if record is not None:
                 rows, dof = record.rows, record.dof
                 u = None if controls is None else finite(controls, "controls").copy()
                 return FilterLog(finite(times, "times").copy(), rows, dof, record, Journey(self._dynamics, u))
         return foreign.run(self, times, pairs, controls, context)
+
+    def _check_span(self, times: ArrayLike, name: str) -> None:
+        """Refuse times of which the model knows nothing."""
+        epochs = finite(times, name)
+        self._dynamics._check_span(np.asarray(self.time), epochs, name)
 
     def copy(self) -> ExtendedKalmanFilter:
         """An independent filter in the same state."""

@@ -11,7 +11,7 @@ from losnav._arrays import ArrayLike, FloatArray, as_float64, finite
 from losnav.errors import InvalidInputError, NumericalError
 from losnav.filters.backward import Journey, started
 from losnav.filters.log import FilterLog
-from losnav.filters.step import Step, told_to, within_blocks
+from losnav.filters.step import Step, told_to, with_time, within_blocks
 from losnav.sensors.listed import measures_unit_vectors
 
 if TYPE_CHECKING:
@@ -59,6 +59,7 @@ def update(
     measured = as_float64(z, "z")
     if np.isinf(measured).any():
         raise InvalidInputError("z: expected finite numbers (or NaN: no measurement), got infinity")
+    context = with_time(sensor, context, engine.time)
     look = _Look(sensor, measured, context)
     innovation, h, r = look.at(x)
     dof = look.dof(innovation.size)

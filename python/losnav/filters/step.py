@@ -11,10 +11,10 @@ from losnav._arrays import FloatArray
 from losnav._core import Step
 from losnav.sensors.listed import is_listed
 
-__all__ = ["Step", "linear_update", "told_to", "within_blocks"]
+__all__ = ["Step", "linear_update", "told_to", "with_time", "within_blocks"]
 
 # Context that concerns some of the library's sensors and not others; the attitude concerns all.
-OF_SOME_SENSORS = ("landmarks", "target")
+OF_SOME_SENSORS = ("landmarks", "target", "time")
 
 
 def linear_update(  # noqa: PLR0917 - the engine calls it by position
@@ -66,6 +66,11 @@ def told_to(sensor: Any, context: dict[str, Any]) -> dict[str, Any]:
     return {
         name: value for name, value in context.items() if name in sensor.told or name not in OF_SOME_SENSORS
     }
+
+
+def with_time(sensor: Any, context: dict[str, Any], time: float) -> dict[str, Any]:
+    """What a sensor is told, the time of the measurement included if it has ``time_varying = True``."""
+    return {**context, "time": time} if getattr(sensor, "time_varying", False) else context
 
 
 def within_blocks(sensor: Any, spread: FloatArray) -> FloatArray:

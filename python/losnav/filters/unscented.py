@@ -35,6 +35,7 @@ from losnav.filters.sigma_points import (
     sigma_points,
     symmetrised,
 )
+from losnav.filters.step import with_time
 from losnav.sensors.listed import measures_unit_vectors
 
 # Context of which each epoch, and each run, may have its own.
@@ -315,6 +316,7 @@ class UnscentedKalmanFilter:
 
     def _update(self, sensor: Any, z: FloatArray, context: dict[str, Any]) -> UnscentedStep:
         needed(sensor, "sensor", ("predict", "noise"))
+        context = with_time(sensor, context, self._time)
         runs = self._state.shape[:-1]
         points = sigma_points(self._state, self._covariance, self._reach)
         if _broadcasts(sensor):

@@ -15,7 +15,7 @@ Any object with ``predict``, ``jacobian`` and ``noise`` of the same signatures c
 ``residual`` if its measurement has angles.
 """
 
-from losnav.sensors.celestial import SunDirection
+from losnav.sensors.celestial import BodyDirection, SunDirection
 from losnav.sensors.delayed import Delayed
 from losnav.sensors.lander import Altimeter, Velocimeter
 from losnav.sensors.landmark_camera import LandmarkCamera
@@ -24,6 +24,7 @@ from losnav.sensors.target import Range, RangeBearing, RangeRate
 
 __all__ = [
     "Altimeter",
+    "BodyDirection",
     "Delayed",
     "LandmarkCamera",
     "LineOfSight",

@@ -100,6 +100,8 @@ class Listed:
     told: ClassVar[tuple[str, ...]] = ()
     # Rows that come with one landmark or beam, taken together; 0: all.
     block: ClassVar[int] = 0
+    # Does the measurement depend on when it is made?
+    time_varying: ClassVar[bool] = False
 
     def residual(self, z: ArrayLike, predicted: ArrayLike) -> FloatArray:
         """Innovation ``z - predicted``, angles wrapped to (-pi, pi].

@@ -3,13 +3,18 @@
 use std::sync::Arc;
 
 use losnav_core::models::dynamics::DynamicsModel;
+use losnav_core::models::dynamics::perturbed_two_body::Stretch;
 use losnav_core::models::dynamics::relative_two_body::Fix;
+use losnav_core::models::ephemeris::Piece;
 use pyo3::prelude::*;
 use rayon::prelude::*;
 
 use crate::convert::{self, Floats, ScalarOrArray};
 use crate::errors::{choice_error, shape_error};
-use listed::{ClohessyWiltshire, CurvilinearClohessyWiltshire, RelativeTwoBody, TwoBody, YamanakaAnkersen};
+use listed::{
+    ClohessyWiltshire, CurvilinearClohessyWiltshire, PerturbedTwoBody, RelativeTwoBody, TwoBody,
+    YamanakaAnkersen,
+};
 
 /// The names of `losnav_core::dynamics!`, each a type without parameters: import them where the list is used.
 pub mod listed {
@@ -19,6 +24,9 @@ pub mod listed {
 
     /// With its fixes behind a shared pointer.
     pub type RelativeTwoBody = losnav_core::models::dynamics::RelativeTwoBody<super::Arc<[super::Fix]>>;
+
+    /// With its ephemerides behind a shared pointer.
+    pub type PerturbedTwoBody = losnav_core::models::dynamics::PerturbedTwoBody<super::Arc<[super::Stretch]>>;
 }
 
 /// Below this many numbers in the result threads cost more than they save.
@@ -68,6 +76,24 @@ impl Parameters for RelativeTwoBody {
         let chaser = fixes.iter().map(fix).collect();
         let complete = rest.is_empty() && !fixes.is_empty();
         complete.then_some(Self { planet: TwoBody::from_parameters(planet)?, chaser })
+    }
+}
+
+/// Numbers of a stretch: those of the body and of time, then the polynomials.
+const STRETCH: usize = 28;
+
+impl Parameters for PerturbedTwoBody {
+    fn from_parameters(parameters: &[f64]) -> Option<Self> {
+        let (planet, stretches) = parameters.split_first_chunk::<4>()?;
+        let (stretches, rest) = stretches.as_chunks::<STRETCH>();
+        let stretch = |numbers: &[f64; STRETCH]| {
+            let [mu, left, start, length, ..] = *numbers;
+            let mut coefficients = [[0.0; 8]; 3];
+            coefficients.as_flattened_mut().copy_from_slice(&numbers[4..]);
+            Stretch { mu, left: left as usize, piece: Piece { start, length, coefficients } }
+        };
+        let bodies = stretches.iter().map(stretch).collect();
+        rest.is_empty().then_some(Self { planet: TwoBody::from_parameters(planet)?, bodies })
     }
 }
 

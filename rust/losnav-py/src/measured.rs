@@ -1,8 +1,10 @@
 //! The listed sensors as Python knows them: what of a dataclass makes the engine's struct, whatever is asked of it.
+use losnav_core::models::apparent::{Body, Corrections};
 use losnav_core::models::linearization::Weight;
 use losnav_core::models::sensors::landmark_camera::{MapError, Optics};
 use losnav_core::models::sensors::{
-    Altimeter, LandmarkCamera, Law, LineOfSight, Range, RangeBearing, RangeRate, SunDirection, Velocimeter,
+    Altimeter, BodyDirection, LandmarkCamera, Law, LineOfSight, Range, RangeBearing, RangeRate, SunDirection,
+    Velocimeter,
 };
 
 use crate::dispatch::Lanes;
@@ -19,6 +21,8 @@ pub trait Measured {
     fn needs_attitude<A: AsRef<[f64]>>(_fields: &[A]) -> bool {
         Self::NEEDS_ATTITUDE
     }
+    /// Does that field change with time?  The Python object tells it for every epoch, by `_seen_at(times)`.
+    const TIME_VARYING: bool = false;
     /// Numbers in a measurement, and how many of them are independent.
     fn size<A: AsRef<[f64]>>(fields: &[A]) -> (usize, usize);
     /// Shows the sensor that measured `z`.
@@ -266,5 +270,30 @@ impl Measured for Altimeter<f64> {
             sigma: scalar(fields, 1),
             boresight: slanted(fields).then(|| triple(fields, 0)),
         });
+    }
+}
+
+impl Measured for BodyDirection<f64> {
+    const FIELDS: &'static [&'static str] = &["sigma", "_seen"];
+    const PLACE: usize = 1;
+    const NEEDS_ATTITUDE: bool = false;
+    const TIME_VARYING: bool = true;
+
+    fn size<A: AsRef<[f64]>>(_fields: &[A]) -> (usize, usize) {
+        (3, 2)
+    }
+
+    #[inline(always)]
+    fn show<V: Lanes, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>) {
+        let corrections = Corrections { light_time: flag(fields, 1, 0), aberration: flag(fields, 1, 1) };
+        let number = |index: usize| {
+            V::splat(fields.get(1).and_then(|f| f.as_ref().get(index)).copied().unwrap_or(f64::NAN))
+        };
+        let body = Body {
+            position: [number(2), number(3), number(4)],
+            velocity: [number(5), number(6), number(7)],
+            acceleration: [number(8), number(9), number(10)],
+        };
+        law.examine(&BodyDirection { los: first(z), sigma: scalar(fields, 0), body, corrections });
     }
 }

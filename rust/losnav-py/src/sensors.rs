@@ -4,8 +4,8 @@ use losnav_core::error::ModelError;
 use losnav_core::models::kinematics::Kinematics;
 use losnav_core::models::linearization::{Recorder, Row};
 use losnav_core::models::sensors::{
-    Altimeter, LandmarkCamera, Law, LineOfSight, Range, RangeBearing, RangeRate, SensorModel, SunDirection,
-    Velocimeter,
+    Altimeter, BodyDirection, LandmarkCamera, Law, LineOfSight, Range, RangeBearing, RangeRate, SensorModel,
+    SunDirection, Velocimeter,
 };
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;

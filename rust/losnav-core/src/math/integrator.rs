@@ -61,7 +61,11 @@ pub fn integrate<T: Real, const N: usize>(
             break;
         }
     }
-    [T::splat(f64::NAN); N]
+    // A product, so that derivatives are NaN too.
+    for value in &mut x {
+        *value = *value * T::splat(f64::NAN);
+    }
+    x
 }
 
 /// One step, and the largest error over the lanes.

@@ -12,6 +12,7 @@ pub mod disturbance;
 pub mod field;
 pub mod kepler;
 pub mod lvlh;
+pub mod perturbed_two_body;
 pub mod relative_two_body;
 pub mod strapdown;
 pub mod two_body;
@@ -19,6 +20,7 @@ pub mod yamanaka_ankersen;
 
 pub use clohessy_wiltshire::ClohessyWiltshire;
 pub use curvilinear::CurvilinearClohessyWiltshire;
+pub use perturbed_two_body::PerturbedTwoBody;
 pub use relative_two_body::RelativeTwoBody;
 pub use strapdown::Strapdown;
 pub use two_body::TwoBody;
@@ -82,7 +84,7 @@ pub trait Specimen<const N: usize>: Sized + DynamicsModel<f64, N> {
 }
 
 /// THE list of dynamics: calls `$then!{Name: size, …}`. A name is a type without parameters where the macro is called: who
-/// uses the list says how [`RelativeTwoBody`] keeps its fixes by an alias.
+/// uses the list says how [`RelativeTwoBody`] keeps its fixes and [`PerturbedTwoBody`] its ephemerides by an alias.
 #[macro_export]
 macro_rules! dynamics {
     ($then:ident) => {
@@ -92,6 +94,7 @@ macro_rules! dynamics {
             YamanakaAnkersen: 6,
             RelativeTwoBody: 6,
             TwoBody: 6,
+            PerturbedTwoBody: 6,
         }
     };
 }

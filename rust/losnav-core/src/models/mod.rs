@@ -1,6 +1,7 @@
 //! Physical models: what is measured, how the state moves, and the one linearisation they share.
 pub mod apparent;
 pub mod dynamics;
+pub mod ephemeris;
 pub mod gravity;
 pub mod kinematics;
 pub mod linearization;

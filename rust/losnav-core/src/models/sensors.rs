@@ -8,6 +8,7 @@ use crate::error::ModelError;
 use crate::math::real::Real;
 
 pub mod altimeter;
+pub mod body_direction;
 pub mod landmark_camera;
 pub mod line_of_sight;
 pub mod range;
@@ -18,6 +19,7 @@ mod target;
 pub mod velocimeter;
 
 pub use altimeter::Altimeter;
+pub use body_direction::BodyDirection;
 pub use landmark_camera::LandmarkCamera;
 pub use line_of_sight::LineOfSight;
 pub use range::Range;
@@ -67,6 +69,7 @@ macro_rules! sensors {
             Range,
             RangeRate,
             SunDirection,
+            BodyDirection,
             LandmarkCamera,
             Velocimeter,
             Altimeter,

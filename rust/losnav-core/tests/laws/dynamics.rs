@@ -1,5 +1,7 @@
 //! Laws of every dynamics in the list.
 use losnav_core::math::matrix::{congruence, mirrored};
+use losnav_core::models::dynamics::disturbance::NODES;
+use losnav_core::models::dynamics::perturbed_two_body::Stretch;
 use losnav_core::models::dynamics::relative_two_body::Fix;
 use losnav_core::models::dynamics::{
     ClohessyWiltshire, CurvilinearClohessyWiltshire, DynamicsModel, Specimen, TwoBody, YamanakaAnkersen,
@@ -9,6 +11,8 @@ use nalgebra::{SMatrix, SVector};
 use crate::dual::First;
 use crate::{SAME_FORMULA, assert_close, largest};
 
+/// Two bodies.
+type PerturbedTwoBody = losnav_core::models::dynamics::PerturbedTwoBody<[Stretch; 3]>;
 /// With one fix: more are jumps of the path, which do not compose.
 type RelativeTwoBody = losnav_core::models::dynamics::RelativeTwoBody<[Fix; 1]>;
 
@@ -244,4 +248,85 @@ fn the_closed_form_is_what_the_integrator_finds() {
             assert_same_state(&closed, &integrated, 10.0 * SAME_FORMULA);
         }
     }
+}
+
+/// `Q` from its definition: Gauss's formula over the model's own transitions to the end of the step.
+fn defined<M: Vector<6>>(model: &M, x: &[f64; 6], dt: f64, psd: f64) -> SMatrix<f64, 6, 6> {
+    let mut sum = SMatrix::<f64, 6, 6>::zeros();
+    for (node, weight) in NODES {
+        let at = model.propagate(&model.prepare(0.0, node * dt), x, [0.0; 3]);
+        let rest = model.prepare(node * dt, (1.0 - node) * dt);
+        let phi = model.transition(&rest, &at, [0.0; 3]).1;
+        let push = SMatrix::<f64, 6, 3>::from_fn(|i, j| phi[i][j + 3]);
+        sum += weight * dt.abs() * psd * push * push.transpose();
+    }
+    sum
+}
+
+/// The series of short steps, up to the longest there are, on circles, at both ends of ellipses and past the planet.
+#[test]
+fn noise_of_a_short_step_is_its_integral() {
+    let one = |model: &dyn Fn(f64) -> [[f64; 6]; 6], reference: SMatrix<f64, 6, 6>, dt: f64| {
+        let q = model(dt);
+        for i in 0..6 {
+            for j in 0..6 {
+                assert_eq!(q[i][j], q[j][i]);
+                let scale = (reference[(i, i)] * reference[(j, j)]).sqrt();
+                assert_close(q[i][j], reference[(i, j)], scale, SAME_FORMULA);
+            }
+        }
+    };
+    let flat = TwoBody { j2: 1.082_626_68e-3, radius: 6_378_137.0, ..POINT_MASS };
+    for model in [POINT_MASS, flat] {
+        for (_, x, ..) in conics() {
+            for share in [1e-5, 3e-4, 9.9e-4, 1.1e-3, -9.9e-4] {
+                let dt = share * model.field().pace(&x);
+                let q = |dt: f64| model.process_noise(&DynamicsModel::<f64, 6>::prepare(&model, 0.0, dt), &x);
+                one(&q, defined(&model, &x, dt, 1e-9), dt);
+            }
+        }
+    }
+    let (model, x, ..) = PerturbedTwoBody::specimen();
+    for share in [3e-4, 9.9e-4, 1.1e-3, -9.9e-4] {
+        let dt = share * model.planet.field().pace(&x);
+        let q = |dt: f64| model.process_noise(&DynamicsModel::<f64, 6>::prepare(&model, 0.0, dt), &x);
+        one(&q, defined(&model, &x, dt, 1e-9), dt);
+    }
+}
+
+/// Far bodies pull by the plain formula's difference; the centre of a body at rest has a field of its own.
+#[test]
+fn third_bodies_pull_the_orbit_and_its_centre() {
+    let (mut model, x, u, _) = PerturbedTwoBody::specimen();
+    model.planet.j2 = 0.0;
+    let norm = |v: [f64; 3]| v.iter().map(|a| a * a).sum::<f64>().sqrt();
+    let expected = |time: f64, r: [f64; 3]| {
+        let mut pull: [f64; 3] = core::array::from_fn(|i| u[i] - MU * r[i] / norm(r).powi(3));
+        for stretch in &model.bodies[1..] {
+            let b = stretch.piece.position(time);
+            let d = core::array::from_fn(|i| r[i] - b[i]);
+            for i in 0..3 {
+                pull[i] -= stretch.mu * (d[i] / norm(d).powi(3) + b[i] / norm(b).powi(3));
+            }
+        }
+        pull
+    };
+    let at = |t: f64| model.propagate(&DynamicsModel::<f64, 6>::prepare(&model, 0.0, t), &x, u);
+    for time in [600.0, 5000.0] {
+        let h = 0.5;
+        let (before, now, after) = (at(time - h), at(time), at(time + h));
+        let pull = expected(time, [now[0], now[1], now[2]]);
+        for i in 0..3 {
+            // What the difference leaves: h²/6 times the third derivative of the speed, 1e-8 of the pull.
+            assert_close((after[3 + i] - before[3 + i]) / (2.0 * h), pull[i], norm(pull), 1e-6);
+        }
+    }
+    // Nobody knows where the bodies are then: no state, and no transition.
+    assert!(at(3.0e4).iter().all(|value| value.is_nan()));
+    let step = DynamicsModel::<f64, 6>::prepare(&model, 1.9e4, 2.0e3);
+    assert!(model.transition(&step, &x, u).1.as_flattened().iter().all(|value| value.is_nan()));
+    // No bodies: the planet alone.
+    let alone = losnav_core::models::dynamics::PerturbedTwoBody { planet: model.planet, bodies: [] };
+    let step = DynamicsModel::<f64, 6>::prepare(&alone, 0.0, 600.0);
+    assert_same_state(&alone.propagate(&step, &x, u), &model.planet.propagate(&600.0, &x, u), SAME_FORMULA);
 }

@@ -9,8 +9,8 @@ use losnav_core::models::linearization::{
 };
 use losnav_core::models::sensors::landmark_camera::{MapError, Optics};
 use losnav_core::models::sensors::{
-    Altimeter, LandmarkCamera, Law, LineOfSight, Range, RangeBearing, RangeRate, SensorModel, Specimen,
-    SunDirection, Velocimeter,
+    Altimeter, BodyDirection, LandmarkCamera, Law, LineOfSight, Range, RangeBearing, RangeRate, SensorModel,
+    Specimen, SunDirection, Velocimeter,
 };
 
 use crate::dual::First;

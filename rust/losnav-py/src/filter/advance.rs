@@ -153,6 +153,8 @@ pub struct Answers {
 pub struct Observe<'a, F: Form, const N: usize> {
     pub source: &'a Source,
     pub z: Series<'a>,
+    /// What a sensor that changes with time looks at.
+    pub seen: Series<'a>,
     pub dcm: Series<'a>,
     pub bound: f64,
     /// Straight rejections after which a measurement is taken regardless.
@@ -200,7 +202,7 @@ impl<F: Form, const N: usize> LaneJob for Observe<'_, F, N> {
             let updated = Err(ModelError::ZeroRange { index: 0 });
             let (prior, options) = (&estimate, self.options);
             let mut take = Take { prior, dcm: &dcm, options, bound, innovation, updated };
-            self.source.show(z, &mut take);
+            self.source.show(self.seen.row(0, self.epoch), z, &mut take);
             let (mut nis, mut accepted) = (V::splat(f64::NAN), V::zero());
             match take.updated {
                 Ok(updated) => {

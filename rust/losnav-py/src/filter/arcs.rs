@@ -13,6 +13,8 @@ use crate::dispatch::{self, LaneJob};
 pub struct Channel<'a> {
     pub source: &'a Source,
     pub measurements: Series<'a>,
+    /// What it looks at, if that changes with time.
+    pub seen: Series<'a>,
     /// Bound on the normalised innovation squared.
     pub bound: f64,
     /// Straight rejections so far.
@@ -142,6 +144,7 @@ impl<D: Widths<N>, const N: usize> Arcs<'_, D, N> {
                     Observe {
                         source: channel.source,
                         z: channel.measurements,
+                        seen: channel.seen,
                         dcm: plan.dcm,
                         bound: channel.bound,
                         relock_after: plan.relock_after,

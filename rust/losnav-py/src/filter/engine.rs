@@ -39,6 +39,8 @@ impl Settings {
 pub struct Look<'a> {
     pub source: &'a Source,
     pub z: &'a [f64],
+    /// What it looks at, if that changes with time.
+    pub seen: &'a [f64],
     pub dcm: [[f64; 3]; 3],
     pub bound: f64,
     pub settings: &'a Settings,
@@ -228,6 +230,7 @@ impl<D: Widths<N>, F: Form, const N: usize> Listed<D, F, N> {
         dispatch::one(Observe {
             source: look.source,
             z: Series::constant(look.z),
+            seen: Series::constant(look.seen),
             dcm: Series::constant(look.dcm.as_flattened()),
             bound: look.bound,
             relock_after: f64::INFINITY,

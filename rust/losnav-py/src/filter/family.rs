@@ -1,7 +1,9 @@
 //! What of the core comes in every width: a covariance form and a dynamics model, for any lanes.
 use losnav_core::estimators::kalman::{Covariance, Joseph, Ud};
 use losnav_core::math::real::Real;
-use losnav_core::models::dynamics::{ClohessyWiltshire, DynamicsModel, TwoBody};
+use losnav_core::models::dynamics::DynamicsModel;
+
+use crate::dynamics::listed::{ClohessyWiltshire, PerturbedTwoBody, TwoBody};
 
 /// A covariance form, for any scalar and size.
 pub trait Form: Clone + Send + Sync + 'static {
@@ -47,7 +49,7 @@ pub trait Widths<const N: usize>: Clone + Send + Sync + 'static {
 /// that are not here run through Python, like a user's own.
 macro_rules! held {
     ($then:ident) => {
-        $then! { ClohessyWiltshire: 6, TwoBody: 6 }
+        $then! { ClohessyWiltshire: 6, TwoBody: 6, PerturbedTwoBody: 6 }
     };
 }
 pub(crate) use held;

@@ -202,7 +202,10 @@ impl Filter {
         let z = Floats::new(z, "z")?;
         let z = measurement(&z, source.rows)?;
         let dcm = attitude(told.dcm.as_ref(), source)?;
-        let look = Look { source, z, dcm, bound, settings: &self.settings };
+        let seen = source.seen_at(sensor, self.time + dt)?;
+        let context = at(context, seen.is_some().then_some(self.time + dt))?;
+        let seen = seen.as_ref().map_or(&[][..], |seen| seen.data());
+        let look = Look { source, z, seen, dcm, bound, settings: &self.settings };
         let seen = self.engine.step(self.time, dt, control, Some(look));
         let Some(seen) = seen.map_err(explain)? else { return Ok(None) };
         self.time += dt;
@@ -214,7 +217,7 @@ impl Filter {
         }
         let parts = Parts {
             sensor: slot.sensor.clone_ref(py),
-            context: if context.is_empty() { self.empty.clone_ref(py) } else { context.clone().unbind() },
+            context: if context.is_empty() { self.empty.clone_ref(py) } else { context.unbind() },
             size: self.size,
             numbers: self.size,
             used: vec![seen.accepted; seen.innovation.len()],
@@ -358,6 +361,14 @@ impl Filter {
             "state: this filter holds a batch of states; step them with run(), or give one filter to each";
         Err(InvalidInputError::new_err(text))
     }
+}
+
+/// What a sensor is told, the time of the measurement included if it changes with time.
+fn at<'py>(context: &Bound<'py, PyDict>, time: Option<f64>) -> PyResult<Bound<'py, PyDict>> {
+    let Some(time) = time else { return Ok(context.clone()) };
+    let told = context.copy()?;
+    told.set_item("time", time)?;
+    Ok(told)
 }
 
 /// A time step.

@@ -124,7 +124,17 @@ struct Sensed<'py> {
     source: Source,
     bound: f64,
     z: Floats<'py>,
+    seen: Option<Floats<'py>>,
     axes: Axes,
+}
+
+impl Sensed<'_> {
+    /// What the sensor looks at, row by row.
+    fn seen(&self) -> Series<'_> {
+        let Some(seen) = &self.seen else { return Series::constant(&[]) };
+        let size = seen.shape().last().copied().unwrap_or(0);
+        Series { data: seen.data(), size, run_stride: 0, time_stride: size }
+    }
 }
 
 fn sense<'py>(
@@ -133,6 +143,7 @@ fn sense<'py>(
     which: usize,
     (sensor, z): &(Bound<'py, PyAny>, Bound<'py, PyAny>),
     told: &Context<'py>,
+    times: &Bound<'py, PyAny>,
     epochs: usize,
 ) -> PyResult<Option<Sensed<'py>>> {
     let index = filter.slot(py, sensor)?;
@@ -152,7 +163,8 @@ fn sense<'py>(
         );
         return Err(InvalidInputError::new_err(text));
     }
-    Ok(Some(Sensed { index, source, bound, z, axes }))
+    let seen = source.seen_at(sensor, times)?;
+    Ok(Some(Sensed { index, source, bound, z, seen, axes }))
 }
 
 /// See `losnav.ExtendedKalmanFilter.run`.
@@ -167,13 +179,13 @@ pub fn run(
     if !filter.listed {
         return Ok(None);
     }
-    let times = Floats::new(times, "times")?;
+    let (raw, times) = (times, Floats::new(times, "times")?);
     let (steps, starts) = steps(&times, filter.time)?;
     let epochs = steps.len();
     let told = Context::new(context)?;
     let mut sources = Vec::with_capacity(measurements.len());
     for (which, pair) in measurements.iter().enumerate() {
-        let Some(sensed) = sense(filter, py, which, pair, &told, epochs)? else { return Ok(None) };
+        let Some(sensed) = sense(filter, py, which, pair, &told, raw, epochs)? else { return Ok(None) };
         sources.push(sensed);
     }
     let dcm = told.dcm.as_ref().map(|dcm| Floats::new(dcm, "dcm")).transpose()?;
@@ -197,6 +209,7 @@ pub fn run(
     let channels = sources.iter().map(|sensed| Channel {
         source: &sensed.source,
         measurements: sensed.axes.series(sensed.z.data()),
+        seen: sensed.seen(),
         bound: sensed.bound,
         rejected: filter.slots[sensed.index].rejected,
     });

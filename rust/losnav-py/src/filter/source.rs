@@ -1,8 +1,8 @@
 //! Where measurements come from: a listed sensor, read once from its Python object and then made afresh, in any
 //! lanes, around every measurement.
 use losnav_core::models::sensors::{
-    Altimeter, LandmarkCamera, Law, LineOfSight, Range, RangeBearing, RangeRate, SensorModel, SunDirection,
-    Velocimeter,
+    Altimeter, BodyDirection, LandmarkCamera, Law, LineOfSight, Range, RangeBearing, RangeRate, SensorModel,
+    SunDirection, Velocimeter,
 };
 use pyo3::prelude::*;
 
@@ -27,7 +27,12 @@ pub struct Source {
     pub dof: usize,
     /// Does the measurement depend on the attitude?
     pub needs_attitude: bool,
+    /// Is it told anew at every epoch what it looks at?
+    pub time_varying: bool,
 }
+
+/// Fields of a sensor at most.
+const FIELDS: usize = 8;
 
 impl Source {
     /// The sensor behind a Python object; nothing if that is not exactly one of the listed classes.
@@ -60,8 +65,8 @@ impl Source {
             |attribute: &&str| Ok(Floats::new(&sensor.getattr(*attribute)?, attribute)?.data().to_vec());
         let fields = M::FIELDS.iter().map(field).collect::<PyResult<Vec<_>>>()?;
         let (rows, dof) = M::size(&fields);
-        let needs_attitude = M::needs_attitude(&fields);
-        Ok(Self { name, place, place_field: M::PLACE, fields, rows, dof, needs_attitude })
+        let (needs_attitude, time_varying) = (M::needs_attitude(&fields), M::TIME_VARYING);
+        Ok(Self { name, place, place_field: M::PLACE, fields, rows, dof, needs_attitude, time_varying })
     }
 
     /// The same sensor with the landmarks, or the target, that the caller tells; nothing if it is told neither.
@@ -112,15 +117,35 @@ impl Source {
         }
     }
 
-    /// Shows the sensor that measured `z`.
+    /// What a sensor that changes with time looks at, `(…, numbers)`; nothing of the others.
+    pub fn seen_at<'py, A>(&self, sensor: &Bound<'py, PyAny>, times: A) -> PyResult<Option<Floats<'py>>>
+    where
+        A: IntoPyObject<'py>,
+    {
+        if !self.time_varying {
+            return Ok(None);
+        }
+        Floats::new(&sensor.call_method1("_seen_at", (times,))?, "_seen_at").map(Some)
+    }
+
+    /// Shows the sensor that measured `z`, while it looked at `seen` if it changes with time.
     #[inline(always)]
-    pub fn show<V: Lanes>(&self, z: &[V], law: &mut impl Law<V>) {
+    pub fn show<V: Lanes>(&self, seen: &[f64], z: &[V], law: &mut impl Law<V>) {
+        let mut fields: [&[f64]; FIELDS] = [&[]; FIELDS];
+        let count = self.fields.len().min(FIELDS);
+        for (field, own) in fields.iter_mut().zip(&self.fields) {
+            *field = own;
+        }
+        if self.time_varying {
+            fields[self.place_field] = seen;
+        }
+        let fields = &fields[..count];
         macro_rules! choose {
             ($($listed:ident),* $(,)?) => {{
                 let mut place = 0;
                 $(
                     if self.place == place {
-                        return <$listed<f64> as Measured>::show(&self.fields, z, law);
+                        return <$listed<f64> as Measured>::show(fields, z, law);
                     }
                     place += 1;
                 )*

@@ -87,7 +87,7 @@ impl<V: Lanes> Work for Speak<'_, V> {
     fn run(self) -> Self::Output {
         let Self { source, z, at, rays, innovation } = self;
         let mut listen = Listen { at, rays, innovation, outcome: Ok(0) };
-        source.show(z, &mut listen);
+        source.show(&[], z, &mut listen);
         listen.outcome
     }
 }

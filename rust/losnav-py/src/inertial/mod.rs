@@ -384,7 +384,9 @@ impl InertialFilter {
         if let Some(index) = self.slots.iter().position(|slot| slot.sensor.is(sensor)) {
             return Ok(index);
         }
-        let (source, map) = (Source::read(sensor)?, map_of(sensor)?);
+        // What changes with time is told by Python.
+        let source = Source::read(sensor)?.filter(|source| !source.time_varying);
+        let map = map_of(sensor)?;
         for (index, slot) in self.slots.iter().enumerate() {
             let same = match (&slot.source, &source) {
                 (Some(a), Some(b)) => a == b && slot.map == map,

@@ -227,7 +227,7 @@ impl<T: Real, S: AsRef<[Fix]>> Path<T> for Along<'_, S> {
     }
 
     #[inline(always)]
-    fn pace(&self, _state: &[T; 6]) -> f64 {
+    fn pace(&self, _time: f64, _state: &[T; 6]) -> f64 {
         self.model.planet.field().pace(&self.step.chaser)
     }
 }

@@ -156,8 +156,13 @@ impl<T: Real> Path<T> for TwoBody {
     }
 
     #[inline(always)]
-    fn pace(&self, state: &[T; 6]) -> f64 {
+    fn pace(&self, _time: f64, state: &[T; 6]) -> f64 {
         self.field().pace(state)
+    }
+
+    #[inline(always)]
+    fn gravity(&self, _time: f64, r: Vec3<Gradient<T, 3>>) -> Option<Vec3<Gradient<T, 3>>> {
+        Some(self.field().acceleration(r))
     }
 }
 

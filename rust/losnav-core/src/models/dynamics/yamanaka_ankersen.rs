@@ -91,7 +91,7 @@ impl Path<f64> for Along<'_> {
     }
 
     /// At the periapsis.
-    fn pace(&self, _state: &[f64; 6]) -> f64 {
+    fn pace(&self, _time: f64, _state: &[f64; 6]) -> f64 {
         let nearest = self.model.semi_major_axis * (1.0 - self.model.eccentricity);
         nearest * Float::sqrt(nearest / (self.model.mu * (1.0 + self.model.eccentricity)))
     }
