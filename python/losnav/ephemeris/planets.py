@@ -100,7 +100,7 @@ def approximate_planet(name: str, time: ArrayLike, axes: str = "ecliptic") -> Fl
     >>> import losnav as ln
     >>> jupiter = ln.ephemeris.approximate_planet("jupiter", 0.0)
     >>> (jupiter[:3] / ln.constants.AU).round(3).tolist()
-    [3.995, 2.949, -0.102]
+    [3.998, 2.946, -0.102]
     """
     if name not in _ELEMENTS:
         raise InvalidInputError(f"name: expected one of {', '.join(_ELEMENTS)}, got {name!r}")
