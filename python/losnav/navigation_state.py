@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from losnav._arrays import ArrayLike, FloatArray, as_float64, broadcast, quaternions, vectors
+from losnav._arrays import ArrayLike, FloatArray, as_float64, broadcast, in_range, quaternions, vectors
 from losnav.attitude import dcm_from_quaternion, quaternion_from_dcm, rotation_error
 from losnav.errors import InvalidInputError
 
@@ -196,10 +196,15 @@ class NavState:
             part = error[..., 3 * k : 3 * k + 3]
             if name is None:
                 # Exactly unit to rounding, so that the constructor does not judge it.
-                moved["quaternion"] = _product(self.quaternion, _exp(part))
+                with np.errstate(over="ignore", invalid="ignore"):
+                    turned = _product(self.quaternion, _exp(part))
+                moved["quaternion"] = in_range(turned, "delta")
                 continue
             try:
-                moved[name] = moved[name] + part
+                with np.errstate(over="ignore"):
+                    moved[name] = in_range(moved[name] + part, "delta")
+            except InvalidInputError:
+                raise
             except ValueError as reason:
                 raise InvalidInputError(
                     f"delta: leading dimensions {error.shape[:-1]} do not broadcast with {self.shape}"
@@ -243,8 +248,9 @@ class NavState:
             if name is None:
                 error[..., columns] = rotation_error(self.dcm, other.dcm)
             else:
-                error[..., columns] = getattr(self, name) - getattr(other, name)
-        return error
+                with np.errstate(over="ignore"):
+                    error[..., columns] = getattr(self, name) - getattr(other, name)
+        return in_range(error, "other")
 
     def __getitem__(self, index: Any) -> NavState:
         """States of the batch, as NumPy picks along its dimensions."""

@@ -103,6 +103,50 @@ def star_tracker_calls():
     return {f"star_tracker.{name}": call for name, call in found.items()}
 
 
+def landing_calls():
+    """Those of losnav.gravity, NavState and Strapdown."""
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * 1024.0
+    squares = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    cube = ln.gravity.Polyhedron(
+        corners, [t for a, b, c, d in squares for t in ([a, b, c], [a, c, d])], 2048.0
+    )
+    series = ln.gravity.eros.five_terms(brillouin_radius=0.0)
+    site = ln.dynamics.Site.on_body(0.5, 0.25, 16384.0, 2.0**-11)
+    model = ln.dynamics.Strapdown(
+        site, series, ln.dynamics.Imu.navigation(), acceleration=ln.dynamics.GaussMarkov(2.0**-10, 256.0)
+    )
+    state = ln.NavState([64.0, -32, 120], [1.0, -2, -4], QUATERNION)
+    place, sample = {"r": np.array([15000.0, -7000, 3000])}, np.array([0.25, -0.5, 1, 0.125, -0.25, 0.5]) / 64
+    error = np.arange(1.0, 19) / 64
+
+    def build(position, velocity, quaternion):
+        return ln.NavState(position, velocity, quaternion)._numbers()
+
+    def inject(delta):
+        return state.inject(delta)._numbers()
+
+    def propagate(control):
+        return model.propagate(state, 0.125, control)._numbers()
+
+    whole = {"position": state.position, "velocity": state.velocity, "quaternion": QUATERNION}
+    return {
+        "PointMass.acceleration": Call(ln.gravity.PointMass(2.0**19).acceleration, place, {}),
+        "Uniform.potential": Call(ln.gravity.Uniform([1.0, 2, -8]).potential, place, {}),
+        "Harmonics.gradient": Call(series.gradient, place, {}),
+        "Polyhedron.potential": Call(cube.potential, place, {}),
+        "Polyhedron.gradient": Call(cube.gradient, place, {}),
+        "Polyhedron.contains": Call(cube.contains, place, {}),
+        "Site.to_fixed": Call(site.to_fixed, {"position": state.position}, {}),
+        "NavState": Call(build, whole, {}),
+        "NavState.inject": Call(inject, {"delta": error}, {}),
+        "Strapdown.propagate": Call(propagate, {"control": sample}, {}),
+        "Strapdown.transition": Call(model.transition, {"control": sample}, {"state": state, "dt": 0.125}),
+        "Strapdown.process_noise": Call(
+            model.process_noise, {"control": sample}, {"state": state, "dt": 0.125}
+        ),
+    }
+
+
 CALLS = {
     "dcm_from_mrp": Call(ln.attitude.dcm_from_mrp, {"mrp": MRP}, {}),
     "mrp_from_dcm": Call(ln.attitude.mrp_from_dcm, {"dcm": DCM}, {}),
@@ -189,6 +233,7 @@ CALLS = {
     ),
 }
 CALLS |= star_tracker_calls()
+CALLS |= landing_calls()
 # A function that is not there yet fails in test_contract.py, not here.
 CALLS = {name: call for name, call in CALLS.items() if call.function}
 DOORS = [(name, argument) for name, call in CALLS.items() for argument in call.arrays]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from losnav._arrays import ArrayLike, FloatArray, finite, rotations, vectors
+from losnav._arrays import ArrayLike, FloatArray, finite, in_range, rotations, vectors
 from losnav.errors import InvalidInputError
 
 
@@ -131,7 +131,9 @@ class Site:
         InvalidInputError
             On a wrong shape, NaN or infinity.
         """
-        return np.asarray((vectors(position, "position") + self.center) @ self.site_from_fixed)
+        r = vectors(position, "position")
+        with np.errstate(over="ignore", invalid="ignore"):
+            return in_range((r + self.center) @ self.site_from_fixed, "position")
 
     def from_fixed(self, position: ArrayLike) -> FloatArray:
         """Place in the site frame of a body-fixed position, the inverse of :meth:`to_fixed`.
@@ -151,4 +153,6 @@ class Site:
         InvalidInputError
             On a wrong shape, NaN or infinity.
         """
-        return np.asarray(vectors(position, "position") @ self.site_from_fixed.T - self.center)
+        r = vectors(position, "position")
+        with np.errstate(over="ignore", invalid="ignore"):
+            return in_range(r @ self.site_from_fixed.T - self.center, "position")

@@ -273,7 +273,9 @@ class Strapdown:
         r, v = vectors(position, "position"), vectors(velocity, "velocity")
         w = self.site.angular_velocity
         pull = self.gravity.acceleration(self.site.to_fixed(r)) @ self.site.site_from_fixed.T
-        return np.asarray(pull - np.cross(w, 2.0 * v + np.cross(w, self.site.center + r)))
+        with np.errstate(over="ignore", invalid="ignore"):
+            turning = np.cross(w, 2.0 * v + np.cross(w, self.site.center + r))
+            return in_range(np.asarray(pull - turning), "position or velocity")
 
     def jacobi_integral(self, state: NavState) -> FloatArray:
         """``v.v/2 - U - |w x (center + r)|^2/2``: what free flight in the turning frame keeps.
@@ -290,7 +292,9 @@ class Strapdown:
         """
         arm = np.cross(self.site.angular_velocity, self.site.center + state.position)
         potential = self.gravity.potential(self.site.to_fixed(state.position))
-        return np.asarray(0.5 * np.sum(state.velocity**2 - arm**2, axis=-1) - potential)
+        with np.errstate(over="ignore", invalid="ignore"):
+            kinetic = 0.5 * np.sum(state.velocity**2 - arm**2, axis=-1)
+            return in_range(np.asarray(kinetic - potential), "state")
 
     def _linearized(self, noise: bool, state: NavState, dt: ArrayLike, control: Sample | None) -> FloatArray:
         shape, arrays = self._rows(state, dt, control)
