@@ -396,6 +396,29 @@ def test_a_state_with_an_attitude():
     assert np.abs((moved - exact) / size / size[:, None]).max() < FINITE_STEP
 
 
+@pytest.mark.parametrize("biases", [False, True])
+def test_inertial_navigation(biases):
+    """Above Eros by landmarks: the covariance of a filter that flies at the truth, image by image."""
+    site = ln.dynamics.Site.on_body(0.0349, 0.0, 15116.0, ln.gravity.eros.ROTATION_RATE)
+    field = ln.gravity.eros.five_terms(brillouin_radius=0.0)
+    model = ln.dynamics.Strapdown(site, field, ln.dynamics.Imu.navigation(), biases=biases)
+    start = ln.NavState.from_dcm([100.0, -50.0, 2000.0], [0.5, 0.2, -3.0], np.diag([1.0, -1.0, -1.0]))
+    hover = start.dcm @ np.stack(
+        [-model.free_acceleration(start.position, start.velocity), site.angular_velocity], axis=-1
+    )
+    times = 0.5 * np.arange(101)
+    controls = hover.T.ravel() + 1e-4 * np.random.default_rng(2).standard_normal((101, 6))
+    truth = model.trajectory(start, times, controls[1:])
+    camera = ln.sensors.LandmarkCamera(8 * MARKS, 500.0, 0.5)
+    z = camera.predict(truth)
+    z[np.arange(101) % 10 != 0] = np.nan
+    z[::30, 2:4] = np.nan
+    prior = np.diag([100.0] * 3 + [0.01] * 3 + [1e-4] * 3 + ([1e-8] * 3 + [1e-12] * 3 if biases else []))
+    bound = crlb(model, [(camera, z)], start, times, prior, controls=controls)
+    log = ln.ExtendedKalmanFilter(model, start, prior).run(times, [(camera, z)], controls=controls)
+    assert in_sigma(log.covariance, bound) < IN_SIGMA
+
+
 # --- what cannot be known ------------------------------------------------------------------------------
 
 

@@ -156,13 +156,15 @@ def _flown(dynamics: Any, state: Any, epochs: FloatArray, steps: FloatArray | No
     states = dynamics.trajectory(state, epochs, steps)
     path = Course(epochs, states, np.empty(0), np.empty(0))
     before, dt = path.at(slice(-1)), np.diff(epochs)
-    when = {"time": epochs[:-1]} if getattr(dynamics, "time_varying", False) else {}
+    when: dict[str, Any] = {"time": epochs[:-1]} if getattr(dynamics, "time_varying", False) else {}
     if not dt.size:
-        size = np.shape(dynamics.transition(state, 0.0))[-1]
+        size = dynamics.state_size
         lead = state.shape[:-1] if isinstance(state, np.ndarray) else ()
         nothing = np.zeros((*lead, 0, size, size))
         return Course(epochs, states, nothing, nothing)
     phi = dynamics.transition(before, dt, steps, **when)
+    if hasattr(state, "inject"):  # noise of its attitude turns what pushes it
+        when["control"] = steps
     return Course(epochs, states, phi, dynamics.process_noise(before, dt, **when))
 
 

@@ -116,9 +116,9 @@ def horizon_weighted(
     Parameters
     ----------
     matrix : (..., M (order + 1), N)
-        From :func:`lie_matrix`: measurement, first derivative, ...
+        Measurement, first derivative, ...: from ``lie_matrix(..., scale="SI")``, or in units of its own.
     horizon : float
-        The time ``T``, s.
+        The time ``T``, s, or in the matrix's unit of time.
     order : int
         Highest derivative in the matrix.
     scale : (N,), optional
