@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -263,6 +263,14 @@ class NavState:
         if not self.shape:
             raise TypeError("one NavState, not a batch, has no length")
         return self.shape[0]
+
+    def __iter__(self) -> Iterator[NavState]:
+        """States along the first dimension of the batch."""
+        return (self[k] for k in range(len(self)))
+
+    def __bool__(self) -> bool:
+        """A state is something, one without members too."""
+        return True
 
     def __repr__(self) -> str:
         if self.shape:

@@ -83,7 +83,9 @@ def test_broadcasting_and_indexing(rng):
     assert batch.minus(one, 18).shape == (4, 5, 18)
     assert not batch.minus(one, 18)[2, 3].any()
     assert one.inject(np.zeros((7, 1, 9))).shape == (7, 1)
-    assert len(list(batch)) == 4
+    assert [state.shape for state in batch] == [(5,)] * 4
+    assert batch
+    assert one
     again = ln.NavState.stack(list(batch))
     for name in PARTS:
         np.testing.assert_array_equal(getattr(again, name), getattr(batch, name))
@@ -174,3 +176,5 @@ def test_one_state_is_no_batch():
         one[0]
     with pytest.raises(TypeError, match="no length"):
         len(one)
+    with pytest.raises(TypeError, match="no length"):
+        list(one)
