@@ -142,6 +142,41 @@ def test_bad_parameters_are_named(call, message):
         call()
 
 
+# --- shape files ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("base", [0, 1])
+def test_shape_files(tmp_path, base):
+    """OBJ counts from one, plate models of the PDS from zero; squares are cut in two."""
+    path = tmp_path / "cube.tab"
+    lines = ["# a cube", *(f"v   {x:.5E}  {y:.5E} {z:.5E}" for x, y, z in CUBE / 1e3), "vn 0 0 1", ""]
+    lines += [
+        "f " + " ".join(f"{k + base}/7/{k + base}" if base else str(k) for k in square) for square in SQUARES
+    ]
+    path.write_text("\n".join(lines))
+    vertices, faces = ln.gravity.read_shape(path, unit=1000.0)
+    np.testing.assert_array_equal(vertices, CUBE)
+    np.testing.assert_array_equal(faces, FACES)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("v 1 2\n", r"shape.obj, line 1: cannot be read: 'v 1 2'"),
+        ("v 1 2 3\nf 1 x 2\n", "line 2: cannot be read"),
+        ("v 1 2 nan\nf 1 1 1\n", r"vertices\[0, 2\]: expected a finite number"),
+        ("nothing here\n", "found no shape"),
+    ],
+)
+def test_bad_shape_files_are_named(tmp_path, text, message):
+    path = tmp_path / "shape.obj"
+    path.write_text(text)
+    with pytest.raises(ln.InvalidInputError, match=message):
+        ln.gravity.read_shape(path)
+    with pytest.raises(ln.InvalidInputError, match="unit: expected a number > 0"):
+        ln.gravity.read_shape(path, unit=0.0)
+
+
 # --- where harmonics may be used ------------------------------------------------------------------
 
 

@@ -18,8 +18,18 @@ from losnav.gravity import eros
 from losnav.gravity.harmonics import BrillouinWarning, Harmonics
 from losnav.gravity.point import PointMass, Uniform
 from losnav.gravity.polyhedron import Polyhedron
+from losnav.gravity.shape import read_shape
 
-__all__ = ["LISTED", "BrillouinWarning", "Harmonics", "PointMass", "Polyhedron", "Uniform", "eros"]
+__all__ = [
+    "LISTED",
+    "BrillouinWarning",
+    "Harmonics",
+    "PointMass",
+    "Polyhedron",
+    "Uniform",
+    "eros",
+    "read_shape",
+]
 
 #: Models the engine holds itself: those that :class:`losnav.dynamics.Strapdown` takes.
 LISTED: tuple[type, ...] = (PointMass, Uniform, Harmonics, Polyhedron)
