@@ -147,9 +147,8 @@ class InertialKalmanFilter(ExtendedKalmanFilter):
             Those of its map, corrected where they are estimated.
         """
         places = np.array(sensor.landmarks, dtype=float)
-        for other, index, correction in self._engine.landmarks():
-            if other is sensor or other == sensor:
-                places[index] += correction
+        for index, correction in self._engine.landmarks(sensor):
+            places[index] += correction
         return places
 
     def predict(self, dt: float, control: Any = None) -> None:

@@ -49,7 +49,7 @@ def linear_update(  # noqa: PLR0917 - the engine calls it by position
         of each by itself.
     """
     told = told_to(sensor, context)
-    h = np.asarray(sensor.jacobian(state, **told), dtype=float)
+    h = _of_size(np.asarray(sensor.jacobian(state, **told), dtype=float), len(covariance))
     r = np.asarray(sensor.noise(state, **told), dtype=float)
     spread = h @ covariance @ h.T
     innovation_covariance = spread + r
@@ -57,6 +57,12 @@ def linear_update(  # noqa: PLR0917 - the engine calls it by position
     gain = np.linalg.solve(weighed, h @ covariance).T
     gain[list(consider)] = 0.0
     return innovation_covariance, gain
+
+
+def _of_size(jacobian: FloatArray, size: int) -> FloatArray:
+    """Columns of the errors that the filter has: what is not seen is zero."""
+    missing = max(0, size - jacobian.shape[-1])
+    return np.pad(jacobian, ((0, 0), (0, missing)))[:, :size]
 
 
 def told_to(sensor: Any, context: dict[str, Any]) -> dict[str, Any]:

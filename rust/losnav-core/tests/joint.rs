@@ -2,6 +2,7 @@
 use losnav_core::estimators::kalman::{
     Absorbed, BLOCK, Joint, Ray, SEEN, View, absorb, compress, gate, model_error, underweight,
 };
+use losnav_core::models::dynamics::DynamicsModel;
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 
 const N: usize = 15;
@@ -225,4 +226,83 @@ fn the_error_of_the_model_is_the_least_squares_one() {
     assert!((Vector3::from(d) - inverse * right).amax() < 1e-13);
     assert!((covariance.0[0] - inverse[(0, 0)]).abs() < 1e-13);
     assert!((covariance.0[4] - inverse[(1, 2)]).abs() < 1e-13);
+}
+
+/// A step whose outcome is known.
+struct Given;
+
+impl DynamicsModel<f64, N> for Given {
+    const NAME: &'static str = "given";
+    type State = [f64; N];
+    type Control = ();
+    type Step = ();
+
+    fn prepare(&self, _time: f64, _dt: f64) {}
+
+    fn propagate(&self, _step: &(), state: &[f64; N], _control: ()) -> [f64; N] {
+        *state
+    }
+
+    fn transition(&self, _step: &(), state: &[f64; N], _control: ()) -> ([f64; N], [[f64; N]; N]) {
+        (*state, [[0.0; N]; N])
+    }
+
+    fn process_noise(&self, _step: &(), _state: &[f64; N]) -> [[f64; N]; N] {
+        [[0.0; N]; N]
+    }
+}
+
+/// A measurement of the past, taken late through the pose it remembers, leaves what it would have left in time.
+#[test]
+fn late_is_in_sequence() {
+    let mut noise = Noise(6);
+    let all = covariance(&mut noise);
+    let prior: [[f64; N]; N] = core::array::from_fn(|i| core::array::from_fn(|j| all[(i, j)]));
+    let phi: [[f64; N]; N] =
+        core::array::from_fn(|i| core::array::from_fn(|j| if i == j { 1.0 } else { 0.3 * noise.next() }));
+    let root = DMatrix::from_fn(N, N, |_, _| noise.next());
+    let q = &root * root.transpose();
+    let q: [[f64; N]; N] = core::array::from_fn(|i| core::array::from_fn(|j| q[(i, j)]));
+    let late = rays(&mut noise, 4, false);
+    let between = rays(&mut noise, 2, false);
+    let none: ([f64; N], [f64; 6]) = ([0.0; N], [0.0; 6]);
+
+    // In sequence: the first measurement, a step, the second.
+    let mut state = prior;
+    let mut joint = Joint { state: &mut state, cross: &mut [], constants: &mut [] };
+    let view = View { pose: None, landmarks: &[] };
+    let mut first = Absorbed { delta: [0.0; N], constants: &mut [], nis: 0.0, dof: 0 };
+    absorb(&mut joint, &late, &view, (&none.0, &[]), &mut [], &mut first);
+    joint.propagate(&Given, &(), &phi, &q);
+    let mut moved = [0.0; N];
+    for i in 0..N {
+        moved[i] = (0..N).map(|j| phi[i][j] * first.delta[j]).sum();
+    }
+    let mut second = Absorbed { delta: moved, constants: &mut [], nis: 0.0, dof: 0 };
+    absorb(&mut joint, &between, &view, (&none.0, &[]), &mut [], &mut second);
+    let expected = (second.delta, state);
+
+    // Late: a remembered pose, the step, the second measurement, then the first at that pose.
+    const POSE: [usize; 6] = [0, 1, 2, 6, 7, 8];
+    let mut state = prior;
+    let mut cross: Vec<[f64; N]> = POSE.iter().map(|k| prior[*k]).collect();
+    let mut constants: Vec<f64> = POSE.iter().flat_map(|i| POSE.map(|j| prior[*i][j])).collect();
+    let mut joint = Joint { state: &mut state, cross: &mut cross, constants: &mut constants };
+    joint.propagate(&Given, &(), &phi, &q);
+    let mut room = [0.0; 6];
+    let mut past = [0.0; 6];
+    let mut out = Absorbed { delta: [0.0; N], constants: &mut past, nis: 0.0, dof: 0 };
+    absorb(&mut joint, &between, &view, (&none.0, &none.1), &mut room, &mut out);
+    let there = View { pose: Some(0), landmarks: &[] };
+    absorb(&mut joint, &late, &there, (&none.0, &none.1), &mut room, &mut out);
+    for i in 0..N {
+        assert!((out.delta[i] - expected.0[i]).abs() < 1e-12 * largest(&expected.0));
+        for j in 0..N {
+            assert!((state[i][j] - expected.1[i][j]).abs() < 1e-12 * all.amax());
+        }
+    }
+}
+
+fn largest(values: &[f64]) -> f64 {
+    values.iter().fold(0.0, |m: f64, v| m.max(v.abs()))
 }

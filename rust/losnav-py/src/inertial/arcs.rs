@@ -34,13 +34,15 @@ impl Record {
         let rows: Vec<usize> = plan.channels.iter().map(|channel| channel.source.rows).collect();
         let (epochs, sensors, numbers) = (plan.steps.len(), rows.len(), rows.iter().sum::<usize>());
         let count = runs * epochs;
+        // A single step leaves the estimate itself.
+        let kept = if plan.strict { 0 } else { count };
         Self {
             runs,
             epochs,
             size,
-            state: vec![0.0; count * NUMBERS],
-            covariance: vec![0.0; count * size * size],
-            model_error: vec![0.0; count * 3],
+            state: vec![0.0; kept * NUMBERS],
+            covariance: vec![0.0; kept * size * size],
+            model_error: vec![0.0; kept * 3],
             nis: vec![f64::NAN; count * sensors],
             dof: vec![0.0; count * sensors],
             accepted: vec![false; count * sensors],
@@ -55,6 +57,7 @@ impl Record {
     pub fn tapes(&mut self) -> impl Iterator<Item = Tape<'_>> + Send {
         let (epochs, sensors, numbers) = (self.epochs, self.rows.len(), self.rows.iter().sum::<usize>());
         let square = self.size * self.size;
+        let kept = if self.state.is_empty() { 0 } else { epochs };
         // A run without epochs, or epochs without sensors, still has its empty tape.
         let mut state = self.state.as_mut_slice();
         let mut covariance = self.covariance.as_mut_slice();
@@ -64,9 +67,9 @@ impl Record {
         let (mut innovation, mut used) = (self.innovation.as_mut_slice(), self.used.as_mut_slice());
         let mut prior = self.prior.as_mut();
         (0..self.runs).map(move |_| Tape {
-            state: split(&mut state, epochs * NUMBERS),
-            covariance: split(&mut covariance, epochs * square),
-            model_error: split(&mut model_error, epochs * 3),
+            state: split(&mut state, kept * NUMBERS),
+            covariance: split(&mut covariance, kept * square),
+            model_error: split(&mut model_error, kept * 3),
             nis: split(&mut nis, epochs * sensors),
             dof: split(&mut dof, epochs * sensors),
             accepted: split(&mut accepted, epochs * sensors),

@@ -238,18 +238,17 @@ impl<V: Lanes, F: InertialForm, const N: usize> Craft<V, F, N> {
         let underweighted = u32::from(settings.underweighting > 0.0);
         let plain = pose.is_none() && places.is_empty() && sight.source.block() < sight.source.rows;
         let (mut delta, mut constants) = (zero, vec![V::zero(); self.cross.len()]);
-        let mut now = rays.clone();
         for pass in 0..settings.iterations.max(1) + underweighted {
             let mut base = (zero, vec![V::zero(); self.cross.len()]);
+            let mut taken = rays.clone();
             if pass > underweighted {
                 base = (delta, constants.clone());
-                now = self.rays(sight, key, z, (&delta, &constants), &mut innovation)?;
-                now.retain(|ray| rays.iter().any(|kept| kept.block == ray.block));
+                taken = self.rays(sight, key, z, (&delta, &constants), &mut innovation)?;
+                taken.retain(|ray| rays.iter().any(|kept| kept.block == ray.block));
             }
             if pass > 0 {
                 (self.core, self.cross, self.constants) = (before.0, before.1.clone(), before.2.clone());
             }
-            let mut taken = now.clone();
             let mut open = F::open(&mut self.core, &mut self.cross, &mut self.constants);
             if pass > 0 && underweighted > 0 {
                 underweight(&open, &mut taken, &view, settings.underweighting, &mut room);

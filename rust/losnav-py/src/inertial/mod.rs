@@ -63,9 +63,6 @@ type Beside = (
     [f64; 2],
 );
 
-/// A landmark of a sensor, and where it is believed to be beside its place in the map.
-type Corrected<'py> = (Bound<'py, PyAny>, usize, [f64; 3]);
-
 /// The model of the numbers that `losnav.dynamics.Strapdown` has for it.
 pub fn model_of(site: &[f64], gravity: &Bound<'_, PyAny>, noise: &[f64]) -> PyResult<Strapdown<AnyGravity>> {
     let (&[a, b, c, d, e, f, g, h, i, x, y, z, u, v, w], &[q_a, q_w, q_ba, q_bg, deviation, time_constant]) =
@@ -241,10 +238,11 @@ impl InertialFilter {
         Ok(self.single()?.poses.iter().map(|pose| (pose.key, pose.pose)).collect())
     }
 
-    /// Sensor, index and correction of the landmarks that are estimated.
-    fn landmarks<'py>(&self, py: Python<'py>) -> PyResult<Vec<Corrected<'py>>> {
-        let own = |m: &Mapped| (self.slots[m.slot].sensor.bind(py).clone(), m.landmark, m.correction);
-        Ok(self.single()?.map.iter().filter(|m| m.estimated).map(own).collect())
+    /// Index and correction of the landmarks of a sensor that are estimated.
+    fn landmarks(&mut self, py: Python<'_>, sensor: &Bound<'_, PyAny>) -> PyResult<Vec<(usize, [f64; 3])>> {
+        let slot = self.slot(py, sensor)?;
+        let known = self.single()?.map.iter().filter(|m| m.estimated && m.slot == slot);
+        Ok(known.map(|m| (m.landmark, m.correction)).collect())
     }
 
     /// The model's error as last estimated, `(count, 3)`, m/s².
@@ -299,12 +297,15 @@ impl InertialFilter {
                 key,
             });
         }
+        let mut belief = core::mem::take(&mut self.beliefs[0]);
         let plan = self.plan(vec![dt], channels, &control, true);
         let mut record = arcs::Record::new(&plan, self.size, 1);
         record.prior = Some(Vec::new());
-        let mut ahead = self.beliefs[0].clone();
-        let rejected = self.engine.fly_one(&self.model, &plan, &mut ahead, &mut record).map_err(explain)?;
-        self.beliefs[0] = ahead;
+        // Taken out while sensors and settings are borrowed; where the step fails it comes back as it was.
+        let rejected = self.engine.fly_one(&self.model, &plan, &mut belief, &mut record);
+        drop(plan);
+        self.beliefs[0] = belief;
+        let rejected = rejected.map_err(explain)?;
         self.time += dt;
         for (&index, count) in indices.iter().zip(rejected) {
             self.slots[index].rejected = count;

@@ -127,7 +127,10 @@ impl<F: InertialForm, const N: usize> LaneJob for Flight<'_, F, N> {
                 }
             }
             self.measure(&mut craft, epoch)?;
-            self.write(&craft, epoch);
+            // Of a single step the estimate itself is what is left.
+            if !self.plan.strict {
+                self.write(&craft, epoch);
+            }
         }
         craft.store(self.belief);
         Ok(())
