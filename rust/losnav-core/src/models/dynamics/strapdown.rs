@@ -19,8 +19,7 @@ use crate::math::matrix::{Matrix, mirrored};
 use crate::math::real::{Real, Work};
 use crate::math::so3::{Quaternion, dcm_from_quaternion, exp, normalized, quaternion_product};
 use crate::math::vec3::{
-    Mat3, Vec3, add, cross, dot, mul, rotate, rotate_transposed, scale, scale_add, skew, splat, sub,
-    transpose,
+    Mat3, Vec3, add, cross, mul, rotate, rotate_transposed, scale, scale_add, skew, splat, sub, transpose,
 };
 use crate::models::gravity::Gravity;
 use crate::models::nav_state::{NavState, acceleration, biases};
@@ -173,38 +172,33 @@ impl<G: Gravity> Strapdown<G> {
         (moved, Middle { body, turn, gradient: stiffness, force, rate })
     }
 
-    /// `A M` for `A = F dt` at the middle of the step.
+    /// `A = F dt` at the middle of the step.
     #[inline(always)]
-    fn apply<T: Real, const N: usize>(
-        &self,
-        dt: f64,
-        middle: &Middle<T>,
-        forcing: &Mat3<T>,
-        m: &Matrix<T, N>,
-    ) -> Matrix<T, N> {
-        let mut out = [[T::zero(); N]; N];
+    fn rates<T: Real, const N: usize>(&self, dt: f64, middle: &Middle<T>, forcing: &Mat3<T>) -> Matrix<T, N> {
+        let mut a = [[T::zero(); N]; N];
         let (h, w) = (T::splat(dt), self.site.angular_velocity);
-        let coriolis: Mat3<T> = skew(splat(w.map(|c| -2.0 * c)));
-        let minus_rate = skew(scale(-T::one(), middle.rate));
+        let coriolis: Mat3<T> = skew(splat(w.map(|c| -2.0 * dt * c)));
+        let spin = skew(scale(-h, middle.rate));
         for i in 0..3 {
-            for j in 0..N {
-                let (dr, dv, da) = (column(m, 0, j), column(m, 3, j), column(m, 6, j));
-                out[i][j] = h * dv[i];
-                let mut push = dot(middle.gradient[i], dr) + dot(coriolis[i], dv) + dot(forcing[i], da);
-                let mut turn = dot(minus_rate[i], da);
+            a[i][3 + i] = h;
+            for j in 0..3 {
+                a[3 + i][j] = h * middle.gradient[i][j];
+                a[3 + i][3 + j] = coriolis[i][j];
+                a[3 + i][6 + j] = h * forcing[i][j];
+                a[6 + i][6 + j] = spin[i][j];
                 if let Some(k) = biases(N) {
-                    push -= dot(middle.body[i], column(m, k, j));
-                    turn -= m[k + 3 + i][j];
+                    a[3 + i][k + j] = -(h * middle.body[i][j]);
                 }
-                if let Some(k) = acceleration(N) {
-                    push += m[k + i][j];
-                    out[k + i][j] = T::splat(-dt / self.noise.time_constant) * m[k + i][j];
-                }
-                out[3 + i][j] = h * push;
-                out[6 + i][j] = h * turn;
+            }
+            if let Some(k) = biases(N) {
+                a[6 + i][k + 3 + i] = -h;
+            }
+            if let Some(k) = acceleration(N) {
+                a[3 + i][k + i] = h;
+                a[k + i][k + i] = T::splat(-dt / self.noise.time_constant);
             }
         }
-        out
+        a
     }
 
     /// `Φ = I + A + A²/2 + A³/6`, its diagonal blocks that have a closed form in closed form.
@@ -215,15 +209,16 @@ impl<G: Gravity> Strapdown<G> {
         middle: &Middle<T>,
         forcing: &Mat3<T>,
     ) -> Matrix<T, N> {
-        let mut phi = [[T::zero(); N]; N];
-        for i in 0..N {
-            phi[i][i] = T::one();
-        }
+        // I + A (I + A/2 (I + A/3)).
+        let a: Matrix<T, N> = self.rates(step.dt, middle, forcing);
+        let mut phi = a;
         for k in [3.0, 2.0, 1.0] {
-            let product = self.apply(step.dt, middle, forcing, &phi);
+            if k < 3.0 {
+                phi = applied(&a, &phi);
+            }
             for i in 0..N {
                 for j in 0..N {
-                    phi[i][j] = T::splat(1.0 / k) * product[i][j];
+                    phi[i][j] = T::splat(1.0 / k) * phi[i][j];
                 }
                 phi[i][i] += T::one();
             }
@@ -310,10 +305,29 @@ fn turn<T: Real>(q: Quaternion<T>, a: Vec3<T>, b: Vec3<T>) -> Quaternion<T> {
     quaternion_product(quaternion_product(exp(a), q), exp(b))
 }
 
-/// Three entries of column `j`, from row `from` on.
+/// `A M`, by the entries of `A` that may differ from zero.
 #[inline(always)]
-fn column<T: Real, const N: usize>(m: &Matrix<T, N>, from: usize, j: usize) -> Vec3<T> {
-    [m[from][j], m[from + 1][j], m[from + 2][j]]
+fn applied<T: Real, const N: usize>(a: &Matrix<T, N>, m: &Matrix<T, N>) -> Matrix<T, N> {
+    let mut out = [[T::zero(); N]; N];
+    for i in 0..N {
+        let (from, to) = match i {
+            0..3 => (3 + i, 4 + i),
+            3..6 => (0, N),
+            6..9 => (6, 9),
+            _ => (i, i + 1),
+        };
+        for k in from..to {
+            for j in 0..N {
+                out[i][j] = a[i][k].mul_add(m[k][j], out[i][j]);
+            }
+        }
+        if let (6..9, Some(b)) = (i, biases(N)) {
+            for j in 0..N {
+                out[i][j] = a[i][b + i - 3].mul_add(m[b + i - 3][j], out[i][j]);
+            }
+        }
+    }
+    out
 }
 
 /// `C [f×]`, negated: how a turn of the body moves what its accelerometers show.
