@@ -1,4 +1,4 @@
-"""The doors of the filters on inertial navigation: steps and arcs agree, copies are copies, errors are named."""
+"""The doors of the filters on inertial navigation: arcs are steps, copies are copies, errors named."""
 
 from __future__ import annotations
 
@@ -142,8 +142,22 @@ def test_poses_come_and_go(flight):
         ekf.drop(first)
     with pytest.raises(ln.InvalidInputError, match="clone: no pose"):
         ekf.update(CAMERA, pixels[0], clone=first)
-    with pytest.raises(ln.InvalidInputError, match='form="joseph"'):
-        made(form="ud").clone()
+
+
+def test_factors_have_no_room_for_constants(flight):
+    pixels, _, _ = flight
+    mapped = ln.sensors.LandmarkCamera(
+        hover.LANDMARKS, 500.0, 1.0, landmark_sigma=1.0, map_errors="consider"
+    )
+    ekf = made(form="ud")
+    for call, argument in [
+        (ekf.clone, "clone"),
+        (lambda: ekf.update(mapped, pixels[0]), "map_errors"),
+        (lambda: ekf.run([1.0], [(mapped, pixels[:1])]), "map_errors"),
+        (lambda: ekf.run([1.0], [(ln.sensors.Delayed(CAMERA, 1.0), pixels[:1])]), "measurements"),
+    ]:
+        with pytest.raises(ln.InvalidInputError, match=f'{argument}.* need form="joseph"'):
+            call()
 
 
 @pytest.mark.parametrize("kind", [ln.ExtendedKalmanFilter, ln.PredictiveFilter])

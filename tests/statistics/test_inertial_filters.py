@@ -67,7 +67,7 @@ def test_map_errors_are_a_bias_not_a_noise(flights):
     assert seen["white"][0] > 5
     for honest in ("consider", "estimate"):
         assert abs(seen[honest][0] - 1) < 2 * band
-    # All see the same eight landmarks all the time: an honest covariance gains no position here, and loses none.
+    # The same eight landmarks all the time: an honest covariance gains no position here, and loses none.
     for honest in ("consider", "estimate"):
         assert seen[honest][1] < 1.05 * seen["white"][1]
 

@@ -143,6 +143,9 @@ pub fn run<'py>(
             return Err(InvalidInputError::new_err(text));
         }
         agree(&mut runs, &format!("measurements[{which}]"), axes.runs())?;
+        if *delay != 0.0 {
+            filter.room_for("measurements: delayed ones")?;
+        }
         let known = (*delay != 0.0).then(|| known_at(times.data(), *delay));
         sensed.push((index, source, z, axes, known));
     }

@@ -23,10 +23,12 @@ pub trait Engine: Send + Sync {
         plan: &Flightplan<'_>,
         belief: &mut Belief,
     ) -> Result<(), Mishap>;
+    /// May constants stand beside the state?
+    fn holds_constants(&self) -> bool;
     /// The covariance behind stored numbers.
     fn matrix(&self, stored: &[f64]) -> Vec<f64>;
-    /// With the pose remembered; nothing if the form has no room for it.
-    fn remember(&self, belief: Belief, key: u64) -> Option<Belief>;
+    /// With the pose remembered; only where constants may stand beside the state.
+    fn remember(&self, belief: Belief, key: u64) -> Belief;
     /// Without that pose; nothing if there is none.
     fn forget(&self, belief: Belief, key: u64) -> Option<Belief>;
     /// One run; straight rejections at its end by sensor.
@@ -90,6 +92,10 @@ impl<F: InertialForm, const N: usize> Engine for Of<F, N> {
         Ok(())
     }
 
+    fn holds_constants(&self) -> bool {
+        F::CONSTANTS
+    }
+
     fn matrix(&self, stored: &[f64]) -> Vec<f64> {
         let belief = Belief::new(&[], stored);
         let craft = Craft::<f64, F, N>::load(&belief, true);
@@ -98,14 +104,11 @@ impl<F: InertialForm, const N: usize> Engine for Of<F, N> {
         out
     }
 
-    fn remember(&self, mut belief: Belief, key: u64) -> Option<Belief> {
-        if !F::CONSTANTS {
-            return None;
-        }
+    fn remember(&self, mut belief: Belief, key: u64) -> Belief {
         let mut craft = Craft::<f64, F, N>::load(&belief, true);
         craft.remember(key);
         craft.store(&mut belief);
-        Some(belief)
+        belief
     }
 
     fn forget(&self, mut belief: Belief, key: u64) -> Option<Belief> {

@@ -217,10 +217,8 @@ impl InertialFilter {
     fn remember(&mut self) -> PyResult<u64> {
         let key = self.next_key;
         let belief = self.single()?.clone();
-        let belief = self.engine.remember(belief, key).ok_or_else(|| {
-            InvalidInputError::new_err(r#"form: poses can be remembered in form="joseph" only"#)
-        })?;
-        self.beliefs[0] = belief;
+        self.room_for("clone: remembered poses")?;
+        self.beliefs[0] = self.engine.remember(belief, key);
         self.next_key += 1;
         Ok(key)
     }
@@ -388,6 +386,9 @@ impl InertialFilter {
         // What changes with time is told by Python.
         let source = Source::read(sensor)?.filter(|source| !source.time_varying);
         let map = map_of(sensor)?;
+        if map.is_some() {
+            self.room_for(r#"map_errors: "consider" and "estimate""#)?;
+        }
         for (index, slot) in self.slots.iter().enumerate() {
             let same = match (&slot.source, &source) {
                 (Some(a), Some(b)) => a == b && slot.map == map,
@@ -400,6 +401,14 @@ impl InertialFilter {
         }
         self.slots.push(Slot { sensor: sensor.clone().unbind(), source, map, rejected: 0.0 });
         Ok(self.slots.len() - 1)
+    }
+
+    /// Constants need a covariance that has room for them.
+    pub fn room_for(&self, what: &str) -> PyResult<()> {
+        if self.engine.holds_constants() {
+            return Ok(());
+        }
+        Err(InvalidInputError::new_err(format!(r#"{what} need form="joseph", got "ud""#)))
     }
 
     /// The one estimate.
