@@ -146,9 +146,7 @@ def test_poses_come_and_go(flight):
 
 def test_factors_have_no_room_for_constants(flight):
     pixels, _, _ = flight
-    mapped = ln.sensors.LandmarkCamera(
-        hover.LANDMARKS, 500.0, 1.0, landmark_sigma=1.0, map_errors="consider"
-    )
+    mapped = ln.sensors.LandmarkCamera(hover.LANDMARKS, 500.0, 1.0, landmark_sigma=1.0, map_errors="consider")
     ekf = made(form="ud")
     for call, argument in [
         (ekf.clone, "clone"),
