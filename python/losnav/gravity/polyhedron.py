@@ -161,7 +161,7 @@ class Polyhedron(Field):
         # Half way between the two values it can have.
         unit = self if self.density > 0.0 else Polyhedron(self.vertices, self.faces, 1.0)
         half = -2.0 * np.pi * GRAVITATIONAL_CONSTANT * unit.density
-        return np.asarray(unit.laplacian(r) < half)
+        return unit.laplacian(r) < half
 
     def rotated(self, dcm: ArrayLike) -> Polyhedron:
         """Same body in other axes.

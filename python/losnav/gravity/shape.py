@@ -49,7 +49,7 @@ def read_shape(path: str | Path, *, unit: float = 1.0) -> tuple[FloatArray, npt.
     ...     _ = path.write_text(text)
     ...     vertices, faces = ln.gravity.read_shape(path, unit=1000.0)
     >>> ln.gravity.Polyhedron(vertices, faces, density=2000.0).contains([100.0, 100.0, 100.0])
-    array(True)
+    np.True_
     """
     scale = finite(unit, "unit")
     if scale.ndim or not scale > 0.0:
