@@ -198,6 +198,18 @@ def test_polyhedron_and_its_own_harmonics(rng):
     np.testing.assert_allclose(center, field.center_of_mass, rtol=1e-9)
 
 
+@pytest.mark.parametrize(("radii", "tolerance"), [(10, 1e-11), (500, 1e-8), (50_000, 1e-3)])
+def test_polyhedron_far_away(rng, radii, tolerance):
+    """Large terms cancel there, two digits for each factor of ten."""
+    field = ln.gravity.Polyhedron(*body(rng), 2500.0)
+    series = field.harmonics(12)
+    r = rng.normal(size=(20, 3))
+    r *= radii * field.brillouin_radius / np.linalg.norm(r, axis=1, keepdims=True)
+    exact = series.acceleration(r)
+    off = np.linalg.norm(field.acceleration(r) - exact, axis=1) / np.linalg.norm(exact, axis=1)
+    assert off.max() < tolerance
+
+
 def test_polyhedron_in_other_axes(rng):
     vertices, faces = body(rng)
     field = ln.gravity.Polyhedron(vertices, faces, 2500.0)

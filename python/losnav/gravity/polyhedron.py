@@ -19,9 +19,9 @@ from losnav.gravity.harmonics import Harmonics, normalization
 class Polyhedron(Field):
     """Body of constant density bounded by triangles (Werner & Scheeres 1997; G4).
 
-    Exact for the shape, down to its surface. About 100 us a place for 1708 faces, a fifth of it a place in
-    large batches. The potential and the acceleration are finite everywhere; the gradient is not on edges and
-    corners.
+    Exact for the shape, down to its surface. Some 0.1 ms a place for 1708 faces; batches run in lanes, on all
+    cores. The potential and the acceleration are finite everywhere; the gradient is not on edges and corners.
+    Far away large terms cancel: 1e-12 of the acceleration at ten radii, 1e-9 at 500.
 
     Parameters
     ----------

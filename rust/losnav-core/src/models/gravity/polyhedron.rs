@@ -6,7 +6,7 @@
 //!
 //! Exact for the shape, at its surface too; what it leaves out is that density is not constant (Eros: 2 % of the degree-2
 //! field) and the shape is known to so many metres. On an edge or a corner the field is finite, its gradient is not. Far
-//! away large terms cancel: a digit and a half is lost for each factor of ten.
+//! away large terms cancel, two digits for each factor of ten: 1e-12 at ten radii, 1e-9 at 500.
 use super::Gravity;
 use crate::math::logarithm::log_ratio;
 use crate::math::real::{Real, Work};
