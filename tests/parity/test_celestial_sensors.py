@@ -251,3 +251,19 @@ def test_sensors_are_values():
 def test_what_is_refused(call, argument):
     with pytest.raises(ln.InvalidInputError, match=f"^{argument}"):
         call()
+
+
+def test_bounds_know_when_a_planet_is_seen():
+    """The bound along an arc is the covariance of a filter linearised at the truth."""
+    orbit = ln.dynamics.TwoBody(ln.constants.SUN_MU)
+    planet, times = ln.sensors.BodyDirection(EARTH, 5e-6), (10 + np.arange(0, 31)) * DAY
+    truth = orbit.trajectory(STATE, times)
+    p = np.diag([1e8**2] * 3 + [10.0**2] * 3)
+    bound = ln.observability.crlb(orbit, planet, STATE, times, prior=p)
+    log = ln.ExtendedKalmanFilter(orbit, STATE, p, time=times[0]).run(
+        times, [(planet, planet.predict(truth, time=times))]
+    )
+    sigma = np.sqrt(np.diagonal(bound, axis1=1, axis2=2))
+    np.testing.assert_allclose(
+        (log.covariance - bound) / (sigma[:, :, None] * sigma[:, None, :]), 0, atol=1e-6
+    )

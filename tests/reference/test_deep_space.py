@@ -5,12 +5,15 @@ Directions as they are seen (light time and aberration) from JPL ephemerides; no
 
 from __future__ import annotations
 
+import runpy
+
 import numpy as np
 import pytest
 
 import losnav as ln
 from losnav.constants import SUN_MU
 from losnav.ephemeris import PLANET_MU, approximate_planet
+from tests.conftest import REPOSITORY
 
 RUNS, SIGMA, DAY = 20, 5e-5, 86400.0
 PLANETS = ("mercury", "venus", "earth", "mars", "jupiter", "saturn", "uranus", "neptune")
@@ -112,6 +115,15 @@ def test_mars_without_aberration_is_wrong_unnoticed(file):
     assert nees.mean > 500
     assert "OPTIMISTIC" in nees.summary()
     assert nis.consistent, nis.summary()
+
+
+def test_the_example_reads_a_file_of_ones_own(file, tmp_path, capsys):
+    rows = np.column_stack([file["mars_t"], file["mars_rv"]])[::2]
+    np.savetxt(tmp_path / "mars.csv", rows, delimiter=",", header="t,x,y,z,vx,vy,vz", comments="")
+    example = runpy.run_path(str(REPOSITORY / "examples" / "own_ephemeris.py"))
+    example["main"](str(tmp_path / "mars.csv"), None)
+    verdicts = capsys.readouterr().out.splitlines()[-3:]
+    assert [line.count("optimistic") for line in verdicts] == [2, 1, 0]
 
 
 def test_ceres_in_three_months(file):

@@ -76,7 +76,7 @@ def told_to(sensor: Any, context: dict[str, Any]) -> dict[str, Any]:
 
 def with_time(sensor: Any, context: dict[str, Any], time: float) -> dict[str, Any]:
     """What a sensor is told, the time of the measurement included if it has ``time_varying = True``."""
-    return {**context, "time": time} if getattr(sensor, "time_varying", False) else context
+    return {**context, "time": time} if getattr(sensor, "time_varying", False) is True else context
 
 
 def within_blocks(sensor: Any, spread: FloatArray) -> FloatArray:

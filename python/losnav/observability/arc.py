@@ -239,7 +239,7 @@ def _weighted(path: Course, look: Look, context: dict[str, Any]) -> FloatArray:
     epochs = np.flatnonzero(look.seen.any(axis=1))
     if not epochs.size:
         return np.zeros((path.times.size, 1, path.size))
-    told = told_at(look.sensor, context, epochs, path.times.size)
+    told = told_at(look.sensor, context, epochs, path.times)
     if _ours(look.sensor, "sensors") and not isinstance(path.states, list):
         x = path.at(epochs)
         jacobian, noise = look.sensor.jacobian(x, **told), look.sensor.noise(x, **told)
@@ -281,7 +281,7 @@ def _asked(
     jacobians, noises = [], []
     for index in np.ndindex(lead):
         for k in epochs:
-            told = told_at(look.sensor, context, int(k), path.times.size)
+            told = told_at(look.sensor, context, int(k), path.times)
             x = path.states[index][k] if arrays else path.states[k]
             jacobians.append(as_float64(look.sensor.jacobian(x, **told), "sensor.jacobian(...)"))
             noises.append(as_float64(look.sensor.noise(x, **told), "sensor.noise(...)"))
@@ -289,16 +289,18 @@ def _asked(
     return tuple(np.array(a).reshape((*shape, *a[0].shape)) for a in (jacobians, noises))  # type: ignore[return-value]
 
 
-def told_at(sensor: Any, context: dict[str, Any], epochs: Any, count: int) -> dict[str, Any]:
-    """What concerns a sensor of the context, at one epoch or some."""
+def told_at(sensor: Any, context: dict[str, Any], epochs: Any, times: FloatArray) -> dict[str, Any]:
+    """What concerns a sensor of the context, at one epoch or some; when, if it changes with time."""
     from losnav.filters.step import told_to
 
     told = {}
     for name, value in told_to(sensor, context).items():
         array = as_float64(value, name)
         along = _along(name, array)
-        varies = along >= 0 and array.shape[along] == count
+        varies = along >= 0 and array.shape[along] == times.size
         told[name] = np.take(array, epochs, axis=along) if varies else array
+    if getattr(sensor, "time_varying", False) is True:
+        told.setdefault("time", times[epochs])
     return told
 
 

@@ -88,7 +88,7 @@ def _difference(path: Course, ends: list[Course], look: Look, context: dict[str,
     seen = look.seen
     parts = []
     for k in np.flatnonzero(seen.any(axis=1)):
-        told = told_at(look.sensor, context, int(k), path.times.size)
+        told = told_at(look.sensor, context, int(k), path.times)
         up, down = (np.atleast_1d(look.sensor.predict(end.at(int(k)), **told)) for end in ends)
         residual = getattr(look.sensor, "residual", None)
         d = as_float64(up - down if residual is None else residual(up, down), "sensor.predict(...)")
