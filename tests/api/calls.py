@@ -38,13 +38,17 @@ EYE = ln.sensors.LandmarkCamera(
 LOOKING = {"state": np.array([-6.0, 8, 120, 1, 2, -3]), "dcm": np.diag([1.0, -1, -1])}
 BEAMS = ln.sensors.Velocimeter(2.0**-6, [[0.6, 0, 0.8], [0, 0.6, 0.8], [0, 0, 1], [0, -0.6, 0.8]])
 LASER_ALTIMETER = ln.sensors.Altimeter(0.5, boresight=[0.6, 0, 0.8])
+VECTOR = np.array([1.0, -2, 2])
+EPOCHS = np.array([0.0, 4096.0, 8192.0, 12288.0])
+MOON = ln.Ephemeris(EPOCHS, EPOCHS[:, None] * VECTOR + [2.0**28, 0.0, 2.0**26], np.tile(VECTOR, (4, 1)))
+PULLED = ln.dynamics.TwoBody(2.0**48, 2.0**-20, third_bodies=[ln.dynamics.ThirdBody(2.0**42, MOON)])
+PLANET_SEEN = ln.sensors.BodyDirection(MOON, 2.0**-14)
 BODY = LOS @ np.eye(3)
 REFERENCE = BODY @ DCM
 GUESS = np.concatenate([POSITION + np.array([1, -1, 2]), MRP + 0.015625])
 
 
 MOUNTINGS = np.stack([np.eye(3), np.eye(3)[[1, 2, 0]], attitude.dcm_from_mrp(-MRP)])
-VECTOR = np.array([1.0, -2, 2])
 HEAD_COVARIANCES = np.stack([np.diag([1.0, 2, 32]), np.eye(3) + 0.25, np.diag([4.0, 4, 64])]) * 2.0**-30
 
 
@@ -194,6 +198,11 @@ CALLS = {
     "RangeBearing.jacobian": Call(CAMERA.jacobian, {"state": STATE, "dcm": DCM}, {}),
     "Range.predict": Call(LASER.predict, {"state": STATE, "target": TARGET}, {}),
     "RangeRate.jacobian": Call(DOPPLER.jacobian, {"state": STATE}, {}),
+    "TwoBody.propagate among bodies": Call(
+        PULLED.propagate, {"state": AROUND, "control": CONTROL}, {"dt": 64.0, "time": 64.0}
+    ),
+    "BodyDirection.predict": Call(PLANET_SEEN.predict, {"state": AROUND, "dcm": DCM}, {"time": 64.0}),
+    "BodyDirection.jacobian": Call(PLANET_SEEN.jacobian, {"state": AROUND}, {"time": 64.0}),
     "SunDirection.predict": Call(SUN.predict, {"state": AROUND, "dcm": DCM}, {}),
     "SunDirection.jacobian": Call(SUN.jacobian, {"state": AROUND}, {}),
     "LandmarkCamera.predict": Call(

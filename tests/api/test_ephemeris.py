@@ -132,6 +132,10 @@ P = np.ones((3, 3))
         (lambda: approximate_planet("pluto", 0.0), "name: expected one of mercury"),
         (lambda: approximate_planet("mars", 0.0, axes="lunar"), "axes: expected"),
         (lambda: approximate_planet("mars", np.inf), "time"),
+        (
+            lambda: approximate_planet("mars", [0.0, 2e9]),
+            "time: expected epochs from 1800 to 2050, got years 2000",
+        ),
     ],
 )
 def test_what_is_refused(call, message):

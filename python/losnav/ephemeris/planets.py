@@ -77,7 +77,7 @@ def approximate_planet(name: str, time: ArrayLike, axes: str = "ecliptic") -> Fl
     name : str
         "mercury", "venus", "earth" (with its moon), "mars", "jupiter", "saturn", "uranus", "neptune".
     time : scalar or (...)
-        Seconds past J2000 (2000 January 1, 12:00 TDB).
+        Seconds past J2000 (2000 January 1, 12:00 TDB); 1800 to 2050.
     axes : {"ecliptic", "equatorial"}
         Ecliptic and equinox of J2000, or its equator: those of the ICRF within 0.02 arcsec.
 
@@ -89,7 +89,7 @@ def approximate_planet(name: str, time: ArrayLike, axes: str = "ecliptic") -> Fl
     Raises
     ------
     InvalidInputError
-        On an unknown name or axes, NaN or infinity.
+        On an unknown name or axes, NaN, infinity or another time.
 
     Notes
     -----
@@ -107,6 +107,9 @@ def approximate_planet(name: str, time: ArrayLike, axes: str = "ecliptic") -> Fl
     if axes not in ("ecliptic", "equatorial"):
         raise InvalidInputError(f'axes: expected "ecliptic" or "equatorial", got {axes!r}')
     t = finite(time, "time")[..., np.newaxis] / _CENTURY
+    if t.size and (t.min() < -2.0 or t.max() > 0.5):
+        years = [f"{2000 + 100 * float(end):.4g}" for end in (t.min(), t.max())]
+        raise InvalidInputError(f"time: expected epochs from 1800 to 2050, got years {' to '.join(years)}")
     start, rate = (np.array(numbers) for numbers in _ELEMENTS[name])
     a, e, *angles = np.moveaxis(start + rate * t, -1, 0)
     a_rate, e_rate, *angle_rates = rate / _CENTURY

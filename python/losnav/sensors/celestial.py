@@ -229,7 +229,7 @@ class BodyDirection(_Celestial):
     >>> camera = ln.sensors.BodyDirection(planet, 5e-6)
     >>> seen = camera.predict(state, time=0.5e5)  # back by 2e4 m/s * 334 s, up by v/c
     >>> (1e3 * seen).round(3).tolist()
-    [999.95, 9.933, 0.1]
+    [999.951, 9.933, 0.1]
     """
 
     ephemeris: Ephemeris
