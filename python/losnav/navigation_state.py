@@ -24,6 +24,11 @@ _PARTS = (
     ("acceleration", 3),
 )
 _NUMBERS = sum(size for _, size in _PARTS)
+_COLUMNS = {
+    "accelerometer_bias": slice(10, 13),
+    "gyroscope_bias": slice(13, 16),
+    "acceleration": slice(16, 19),
+}
 # Parts of an error beyond position, velocity and attitude, by its size.
 _BIASES, _ACCELERATION = ("accelerometer_bias", "gyroscope_bias"), ("acceleration",)
 _EXTRAS: dict[int, tuple[str, ...]] = {
@@ -105,7 +110,8 @@ class NavState:
                 (name, vectors(np.broadcast_to(array, 3) if not array.ndim else array, name, size), 1)
             )
         shape, flat = broadcast(*named)
-        self._hold([array.reshape((*shape, array.shape[-1])) for array in flat])
+        # Copies: what the caller does with the arrays afterwards is not the state's affair.
+        self._hold([array.reshape((*shape, array.shape[-1])).copy() for array in flat])
 
     @classmethod
     def from_dcm(
@@ -191,25 +197,21 @@ class NavState:
         if size not in _EXTRAS:
             raise InvalidInputError(f"delta: expected shape (..., 9), 12, 15 or 18, got {array.shape}")
         error = vectors(array, "delta", size)
-        moved: dict[str, Any] = {name: getattr(self, name) for name, _ in _PARTS}
-        for k, name in enumerate(("position", "velocity", None, *_EXTRAS[size])):
-            part = error[..., 3 * k : 3 * k + 3]
-            if name is None:
-                # Exactly unit to rounding, so that the constructor does not judge it.
-                with np.errstate(over="ignore", invalid="ignore"):
-                    turned = _product(self.quaternion, _exp(part))
-                moved["quaternion"] = in_range(turned, "delta")
-                continue
-            try:
-                with np.errstate(over="ignore"):
-                    moved[name] = in_range(moved[name] + part, "delta")
-            except InvalidInputError:
-                raise
-            except ValueError as reason:
-                raise InvalidInputError(
-                    f"delta: leading dimensions {error.shape[:-1]} do not broadcast with {self.shape}"
-                ) from reason
-        return NavState(**moved)
+        try:
+            shape = np.broadcast_shapes(self.shape, error.shape[:-1])
+        except ValueError as reason:
+            raise InvalidInputError(
+                f"delta: leading dimensions {error.shape[:-1]} do not broadcast with {self.shape}"
+            ) from reason
+        moved = np.empty((*shape, _NUMBERS))
+        moved[...] = self._numbers()
+        with np.errstate(over="ignore", invalid="ignore"):
+            moved[..., :6] += error[..., :6]
+            turned = _product(self.quaternion, _exp(error[..., 6:9]))
+            moved[..., 6:10] = turned / np.linalg.norm(turned, axis=-1, keepdims=True)
+            for k, name in enumerate(_EXTRAS[size], 3):
+                moved[..., _COLUMNS[name]] += error[..., 3 * k : 3 * k + 3]
+        return NavState._of(in_range(moved, "delta"))
 
     def minus(self, other: NavState, n: int = 15) -> FloatArray:
         """Error that leads from ``other`` to this: true minus estimate, if this is the truth.
@@ -305,6 +307,8 @@ class NavState:
 
 def _canonical(q: FloatArray) -> FloatArray:
     """Of ``q`` and ``-q`` the one with ``w >= 0``; of half turns that whose first component is positive."""
+    if (q[..., 3] > 0.0).all():
+        return q
     turned = q[..., 3] < 0.0
     half = q[..., 3] == 0.0
     if half.any():

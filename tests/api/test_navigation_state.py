@@ -135,6 +135,16 @@ def test_frozen(rng):
         state.position[0] = 1.0
 
 
+def test_arguments_stay_the_callers(rng):
+    position, quaternion = rng.normal(size=(2, 3)), np.array([0.0, 0.0, 0.6, 0.8])
+    state = ln.NavState(position, np.zeros(3), quaternion)
+    kept = position.copy()
+    position[0] = 7.0
+    quaternion[:] = 0.5
+    np.testing.assert_array_equal(state.position, kept)
+    np.testing.assert_allclose(state.quaternion[1], [0.0, 0.0, 0.6, 0.8])
+
+
 def test_reads_well(rng):
     state = ln.NavState([1.0, 2, 3], [0, 0, 0], [0, 0, 0, 1.0])
     assert repr(state) == (
