@@ -23,6 +23,8 @@ pub trait Measured {
     }
     /// Does that field change with time?  The Python object tells it for every epoch, by `_seen_at(times)`.
     const TIME_VARYING: bool = false;
+    /// Are several states side by side worth their code?  Of a sensor whose batches are small they are not.
+    const LANES: bool = true;
     /// Numbers in a measurement, and how many of them are independent.
     fn size<A: AsRef<[f64]>>(fields: &[A]) -> (usize, usize);
     /// Shows the sensor that measured `z`.
@@ -206,6 +208,7 @@ impl Measured for LandmarkCamera<'_, f64> {
     const FIELDS: &'static [&'static str] = &["landmarks", "_optics", "sigma_px", "_white"];
     const PLACE: usize = 0;
     const NEEDS_ATTITUDE: bool = true;
+    const LANES: bool = false;
 
     fn size<A: AsRef<[f64]>>(fields: &[A]) -> (usize, usize) {
         let n = fields.first().map_or(0, |landmarks| landmarks.as_ref().len() / 3);
@@ -230,6 +233,7 @@ impl Measured for Velocimeter<'_, f64> {
     const FIELDS: &'static [&'static str] = &["beams", "sigma"];
     const PLACE: usize = 0;
     const NEEDS_ATTITUDE: bool = true;
+    const LANES: bool = false;
 
     fn size<A: AsRef<[f64]>>(fields: &[A]) -> (usize, usize) {
         let n = fields.first().map_or(0, |beams| beams.as_ref().len() / 3);
@@ -254,6 +258,7 @@ impl Measured for Altimeter<f64> {
     const FIELDS: &'static [&'static str] = &["_beam", "sigma"];
     const PLACE: usize = 0;
     const NEEDS_ATTITUDE: bool = true;
+    const LANES: bool = false;
 
     fn needs_attitude<A: AsRef<[f64]>>(fields: &[A]) -> bool {
         slanted(fields)
@@ -277,6 +282,7 @@ impl Measured for BodyDirection<f64> {
     const FIELDS: &'static [&'static str] = &["sigma", "_seen"];
     const PLACE: usize = 1;
     const NEEDS_ATTITUDE: bool = false;
+    const LANES: bool = false;
     const TIME_VARYING: bool = true;
 
     fn size<A: AsRef<[f64]>>(_fields: &[A]) -> (usize, usize) {

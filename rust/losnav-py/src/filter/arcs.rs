@@ -171,5 +171,11 @@ impl<D: Widths<N>, const N: usize> Arcs<'_, D, N> {
 /// Side by side, or one after another.
 #[inline(always)]
 pub fn in_lanes<J: LaneJob, D: Widths<N>, F: Form, const N: usize>(lanes: usize, job: J) -> J::Output {
-    if D::LANES && F::LANES && lanes > 1 { dispatch::many(job) } else { dispatch::one(job) }
+    if D::LANES && F::LANES && lanes > 1 { dispatch::many(job) } else { alone::<J, F>(job) }
+}
+
+/// One estimate. Factors are for hard problems, not for speed: one instruction set is enough for them.
+#[inline(always)]
+pub fn alone<J: LaneJob, F: Form>(job: J) -> J::Output {
+    if F::PLAIN { dispatch::one(job) } else { job.run::<f64>() }
 }

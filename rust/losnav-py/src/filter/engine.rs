@@ -6,7 +6,7 @@ use losnav_core::estimators::kalman::Options;
 use losnav_core::models::dynamics::DynamicsModel;
 
 use super::advance::{Answers, Observe, Predict, Runs, Series, entries};
-use super::arcs::{Arcs, Layout, Plan, Steps, in_lanes};
+use super::arcs::{Arcs, Layout, Plan, Steps, alone, in_lanes};
 use super::backward::Backward;
 use super::core::{Core, Given};
 use super::family::{Form, Widths};
@@ -227,7 +227,7 @@ impl<D: Widths<N>, F: Form, const N: usize> Listed<D, F, N> {
         let mut innovation = vec![0.0; rows];
         self.answers.resize(2 + rows, 0.0);
         let mut rejected = [0.0];
-        dispatch::one(Observe {
+        alone::<_, F>(Observe {
             source: look.source,
             z: Series::constant(look.z),
             seen: Series::constant(look.seen),
@@ -279,7 +279,7 @@ impl<D: Widths<N>, F: Form, const N: usize> Engine for Listed<D, F, N> {
         self.next.clone_from(&self.core.estimates);
         if dt != 0.0 {
             let step = self.prepare(start, dt);
-            dispatch::one(Predict {
+            alone::<_, F>(Predict {
                 dynamics: &self.dynamics,
                 step: &step,
                 controls: Some(Series::constant(&control)),

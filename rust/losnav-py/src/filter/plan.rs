@@ -203,7 +203,8 @@ pub fn run(
     let control_axes = controls.as_ref().map(|array| accelerations(array, epochs)).transpose()?;
     agree(&mut runs, "controls", control_axes.as_ref().and_then(|axes| axes.runs))?;
     let count = runs.unwrap_or(1);
-    let lanes = filter.engine.lanes(count);
+    let side_by_side = sources.iter().all(|sensed| sensed.source.lanes);
+    let lanes = if side_by_side { filter.engine.lanes(count) } else { 1 };
     let layout =
         Layout { size: filter.size, rows: sources.iter().map(|sensed| sensed.source.rows).collect() };
     let channels = sources.iter().map(|sensed| Channel {

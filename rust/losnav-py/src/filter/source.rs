@@ -29,6 +29,8 @@ pub struct Source {
     pub needs_attitude: bool,
     /// Is it told anew at every epoch what it looks at?
     pub time_varying: bool,
+    /// Is it there for several states side by side?
+    pub lanes: bool,
 }
 
 /// Fields of a sensor at most.
@@ -65,8 +67,17 @@ impl Source {
             |attribute: &&str| Ok(Floats::new(&sensor.getattr(*attribute)?, attribute)?.data().to_vec());
         let fields = M::FIELDS.iter().map(field).collect::<PyResult<Vec<_>>>()?;
         let (rows, dof) = M::size(&fields);
-        let (needs_attitude, time_varying) = (M::needs_attitude(&fields), M::TIME_VARYING);
-        Ok(Self { name, place, place_field: M::PLACE, fields, rows, dof, needs_attitude, time_varying })
+        Ok(Self {
+            name,
+            place,
+            place_field: M::PLACE,
+            rows,
+            dof,
+            needs_attitude: M::needs_attitude(&fields),
+            time_varying: M::TIME_VARYING,
+            lanes: M::LANES,
+            fields,
+        })
     }
 
     /// The same sensor with the landmarks, or the target, that the caller tells; nothing if it is told neither.
@@ -145,7 +156,10 @@ impl Source {
                 let mut place = 0;
                 $(
                     if self.place == place {
-                        return <$listed<f64> as Measured>::show(fields, z, law);
+                        if V::LANES == 1 || <$listed<f64> as Measured>::LANES {
+                            <$listed<f64> as Measured>::show(fields, z, law);
+                        }
+                        return;
                     }
                     place += 1;
                 )*
