@@ -177,5 +177,5 @@ pub fn in_lanes<J: LaneJob, D: Widths<N>, F: Form, const N: usize>(lanes: usize,
 /// One estimate. Factors are for hard problems, not for speed: one instruction set is enough for them.
 #[inline(always)]
 pub fn alone<J: LaneJob, F: Form>(job: J) -> J::Output {
-    if F::PLAIN { dispatch::one(job) } else { job.run::<f64>() }
+    if F::PLAIN { dispatch::one(job) } else { dispatch::baseline(job) }
 }

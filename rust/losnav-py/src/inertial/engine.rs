@@ -9,7 +9,7 @@ use super::arcs::Record;
 use super::belief::{Belief, Craft};
 use super::form::{InertialForm, JosephInertial, UdInertial};
 use super::travel::{Flight, Flightplan, Mishap};
-use crate::dispatch::{self, LaneJob};
+use crate::dispatch;
 use crate::filter::Settings;
 use crate::gravity::AnyGravity;
 use crate::threads::share_out;
@@ -75,7 +75,7 @@ impl<F: InertialForm, const N: usize> Of<F, N> {
         if F::CONSTANTS {
             dispatch::one(flight)?
         } else {
-            flight.run::<f64>()?
+            dispatch::baseline(flight)?
         }
         Ok(rejected)
     }
