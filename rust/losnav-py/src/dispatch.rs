@@ -116,6 +116,23 @@ pub fn one<J: LaneJob>(job: J) -> J::Output {
     }
 }
 
+/// Is there a faster set than the baseline for one problem after another?  Where there is but the baseline, it is that.
+pub fn has_fused() -> bool {
+    !cfg!(target_arch = "x86_64") || Isa::current() > Isa::Baseline
+}
+
+/// As [`one`] where [`has_fused`], nothing elsewhere: work that is compiled for one set only.
+pub fn fused<J: LaneJob>(job: J) -> Option<J::Output> {
+    #[cfg(target_arch = "x86_64")]
+    match Isa::current() {
+        // SAFETY: the CPU has the features, `Isa::available` asked.
+        Isa::Avx512 | Isa::Avx2 => Some(unsafe { x86::avx2_one(job) }),
+        Isa::Baseline => None,
+    }
+    #[cfg(not(target_arch = "x86_64"))]
+    Some(baseline(job))
+}
+
 /// One problem after another by the baseline's instructions, whatever the CPU has.
 #[inline(never)]
 pub fn baseline<J: LaneJob>(job: J) -> J::Output {

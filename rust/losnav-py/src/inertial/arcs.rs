@@ -169,7 +169,7 @@ pub fn run<'py>(
         key: None,
     });
     let channels = channels.collect();
-    let mut plan = filter.plan(lengths, channels, &none, true);
+    let mut plan = filter.plan(lengths, channels, &none);
     (plan.substeps, plan.controls, plan.strict) = (substeps, series, false);
     let mut record = Record::new(&plan, filter.size, count);
     let start = |run: usize| filter.beliefs[if held == 1 { 0 } else { run }].clone();

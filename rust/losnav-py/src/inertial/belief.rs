@@ -55,8 +55,8 @@ pub struct Belief {
 
 impl Belief {
     /// Of a state and a covariance, nothing beside.
-    pub fn new(state: &[f64], stored: &[f64]) -> Self {
-        Self { state: state.to_vec(), stored: stored.to_vec(), adapted: [1.0, 1.0], ..Self::default() }
+    pub fn new(state: &[f64], stored: Vec<f64>) -> Self {
+        Self { state: state.to_vec(), stored, adapted: [1.0, 1.0], ..Self::default() }
     }
 }
 
@@ -84,9 +84,9 @@ fn matrix<V: Lanes, const N: usize>(data: &[f64]) -> [[V; N]; N] {
 }
 
 impl<V: Lanes, F: InertialForm, const N: usize> Craft<V, F, N> {
-    /// Takes up the work; `stored` tells whether the matrix is in the form it is kept in.
+    /// Takes up the work.
     #[inline(always)]
-    pub fn load(belief: &Belief, stored: bool) -> Self {
+    pub fn load(belief: &Belief) -> Self {
         let mut state = NavState::origin();
         for (i, number) in belief.state.iter().enumerate() {
             State::<V, N>::set_number(&mut state, i, V::splat(*number));
@@ -101,7 +101,7 @@ impl<V: Lanes, F: InertialForm, const N: usize> Craft<V, F, N> {
         }
         Self {
             state,
-            core: F::read(&matrix(&belief.stored), stored),
+            core: F::read(&matrix(&belief.stored), true),
             cross,
             constants,
             poses: belief.poses.clone(),

@@ -7,8 +7,6 @@ use crate::dispatch::Lanes;
 
 /// A covariance form.
 pub trait InertialForm: Send + Sync + 'static {
-    /// May constants stand beside the state?
-    const CONSTANTS: bool;
     /// What of the state is kept.
     type Core<V: Lanes, const N: usize>: Copy;
     /// All of it, opened for a measurement.
@@ -51,7 +49,6 @@ pub struct JosephInertial;
 pub struct UdInertial;
 
 impl InertialForm for JosephInertial {
-    const CONSTANTS: bool = true;
     type Core<V: Lanes, const N: usize> = Matrix<V, N>;
     type Open<'a, V: Lanes, const N: usize> = Joint<'a, V, N>;
 
@@ -113,7 +110,6 @@ impl InertialForm for JosephInertial {
 }
 
 impl InertialForm for UdInertial {
-    const CONSTANTS: bool = false;
     type Core<V: Lanes, const N: usize> = Ud<V, N>;
     type Open<'a, V: Lanes, const N: usize> = &'a mut Ud<V, N>;
 

@@ -12,7 +12,7 @@ use crate::errors::{
 use crate::filter::{Context, Parts, Settings, Source, Step, measurement, seconds};
 use crate::gravity::AnyGravity;
 use belief::{Belief, Clone6, Mapped, NUMBERS};
-use engine::{Engine, engine};
+use engine::Engine;
 use look::MapPrior;
 use travel::{Adaptive, Channel, Flightplan, Mishap, Predictive};
 
@@ -22,6 +22,7 @@ mod engine;
 mod form;
 mod look;
 mod travel;
+mod wide;
 
 /// What a filter knows of one sensor.
 struct Slot {
@@ -36,7 +37,7 @@ struct Slot {
 #[pyclass(module = "losnav._core")]
 pub struct InertialFilter {
     model: Strapdown<AnyGravity>,
-    engine: &'static dyn Engine,
+    engine: Engine,
     size: usize,
     settings: Settings,
     bounds: Option<[f64; BLOCK]>,
@@ -111,7 +112,7 @@ impl InertialFilter {
         let flags = (!consider.is_empty()).then(|| (0..size).map(|i| consider.contains(&i)).collect());
         Ok(Self {
             model: model_of(&site, gravity, &noise)?,
-            engine: engine(form, size).ok_or_else(|| choice_error("form", r#""joseph", "ud""#, form))?,
+            engine: Engine::new(form, size).ok_or_else(|| choice_error("form", r#""joseph", "ud""#, form))?,
             size,
             settings: Settings { iterations, underweighting, consider: flags },
             bounds,
@@ -130,14 +131,8 @@ impl InertialFilter {
     fn set(&mut self, states: &Bound<'_, PyAny>, matrices: &Bound<'_, PyAny>, stored: bool) -> PyResult<()> {
         let (states, matrices) = (Floats::new(states, "state")?, Floats::new(matrices, "covariance")?);
         let pairs = states.data().chunks(NUMBERS).zip(matrices.data().chunks(self.size * self.size));
-        let mut beliefs: Vec<Belief> = pairs.map(|(state, matrix)| Belief::new(state, matrix)).collect();
-        if !stored {
-            let plan = self.plan(Vec::new(), Vec::new(), &[0.0; 6], false);
-            for belief in &mut beliefs {
-                self.engine.rest(&self.model, &plan, belief).map_err(explain)?;
-            }
-        }
-        self.beliefs = beliefs;
+        let kept = |matrix: &[f64]| if stored { matrix.to_vec() } else { self.engine.stored(matrix) };
+        self.beliefs = pairs.map(|(state, matrix)| Belief::new(state, kept(matrix))).collect();
         Ok(())
     }
 
@@ -216,17 +211,15 @@ impl InertialFilter {
     /// Remembers the pose; the key to it.
     fn remember(&mut self) -> PyResult<u64> {
         let key = self.next_key;
-        let belief = self.single()?.clone();
         self.room_for("clone: remembered poses")?;
-        self.beliefs[0] = self.engine.remember(belief, key);
+        self.beliefs[0] = self.engine.remember(self.single()?, key);
         self.next_key += 1;
         Ok(key)
     }
 
     /// Forgets a pose; false if there is none of that key.
     fn forget(&mut self, key: u64) -> PyResult<bool> {
-        let belief = self.single()?.clone();
-        let Some(belief) = self.engine.forget(belief, key) else { return Ok(false) };
+        let Some(belief) = self.engine.forget(self.single()?, key) else { return Ok(false) };
         self.beliefs[0] = belief;
         Ok(true)
     }
@@ -296,7 +289,7 @@ impl InertialFilter {
             });
         }
         let mut belief = core::mem::take(&mut self.beliefs[0]);
-        let plan = self.plan(vec![dt], channels, &control, true);
+        let plan = self.plan(vec![dt], channels, &control);
         let mut record = arcs::Record::new(&plan, self.size, 1);
         record.prior = Some(Vec::new());
         // Taken out while sensors and settings are borrowed; where the step fails it comes back as it was.
@@ -346,10 +339,9 @@ impl InertialFilter {
         jacobian: &Bound<'_, PyAny>,
         bound: f64,
     ) -> PyResult<(f64, bool)> {
-        let belief = self.single()?.clone();
         let (y, h) = (Floats::new(innovation, "innovation")?, Floats::new(jacobian, "jacobian")?);
         let options = &self.settings;
-        let (belief, nis, accepted) = self.engine.take(belief, y.data(), h.data(), bound, options);
+        let (belief, nis, accepted) = self.engine.take(self.single()?, y.data(), h.data(), bound, options);
         if accepted {
             self.beliefs[0] = belief;
         }
@@ -427,7 +419,6 @@ impl InertialFilter {
         steps: Vec<f64>,
         channels: Vec<Channel<'a>>,
         control: &'a [f64; 6],
-        stored: bool,
     ) -> Flightplan<'a> {
         Flightplan {
             steps,
@@ -438,7 +429,6 @@ impl InertialFilter {
             settings: &self.settings,
             predictive: self.predictive,
             adaptive: self.adaptive,
-            stored,
             strict: true,
         }
     }

@@ -59,8 +59,6 @@ pub struct Flightplan<'a> {
     pub settings: &'a Settings,
     pub predictive: Option<Predictive>,
     pub adaptive: Option<Adaptive>,
-    /// Is the belief of the start in the form it is kept in?
-    pub stored: bool,
     /// Is the first measurement that cannot be taken an error?
     pub strict: bool,
 }
@@ -81,6 +79,23 @@ pub struct Tape<'a> {
     pub prior: Option<&'a mut Vec<f64>>,
 }
 
+impl Tape<'_> {
+    /// The same for a shorter time.
+    pub fn reborrow(&mut self) -> Tape<'_> {
+        Tape {
+            state: self.state,
+            covariance: self.covariance,
+            model_error: self.model_error,
+            nis: self.nis,
+            dof: self.dof,
+            accepted: self.accepted,
+            innovation: self.innovation,
+            used: self.used,
+            prior: None,
+        }
+    }
+}
+
 /// Why a flight ended early.
 #[derive(Clone, Copy, Debug)]
 pub enum Mishap {
@@ -93,6 +108,8 @@ pub enum Mishap {
 pub struct Flight<'a, F: InertialForm, const N: usize> {
     pub model: &'a Strapdown<AnyGravity>,
     pub plan: &'a Flightplan<'a>,
+    /// Of the size that flies.
+    pub settings: &'a Settings,
     pub run: usize,
     pub belief: &'a mut Belief,
     pub tape: Tape<'a>,
@@ -106,7 +123,7 @@ impl<F: InertialForm, const N: usize> LaneJob for Flight<'_, F, N> {
 
     #[inline(always)]
     fn run<V: Lanes>(mut self) -> Self::Output {
-        let mut craft = Craft::<V, F, N>::load(self.belief, self.plan.stored);
+        let mut craft = Craft::<V, F, N>::load(self.belief);
         let mut model = self.model.clone();
         let mut prepared: Option<(f64, StrapdownStep)> = None;
         for epoch in 0..self.plan.steps.len() {
@@ -142,7 +159,7 @@ fn key(channel: usize, epoch: usize) -> u64 {
     (1 << 63) | ((channel as u64) << 40) | epoch as u64
 }
 
-impl<F: InertialForm, const N: usize> Flight<'_, F, N> {
+impl<'a, F: InertialForm, const N: usize> Flight<'a, F, N> {
     /// What the unit showed over a substep.
     #[inline(always)]
     fn sample<V: Lanes>(&self, substep: usize) -> ImuSample<V> {
@@ -175,7 +192,7 @@ impl<F: InertialForm, const N: usize> Flight<'_, F, N> {
         }
         if let Some(stage) = plan.predictive {
             let now = plan.channels.iter().filter(|channel| channel.known.is_none() && channel.key.is_none());
-            let looks = now.map(|channel| (self.sight(channel, plan.settings), self.numbers(channel, epoch)));
+            let looks = now.map(|channel| (self.sight(channel), self.numbers(channel, epoch)));
             // Where a sensor is undefined the update says so.
             let _ = craft.correct_model(looks, stage.weight, stage.accounted);
         }
@@ -222,8 +239,11 @@ impl<F: InertialForm, const N: usize> Flight<'_, F, N> {
         due
     }
 
-    fn sight<'b>(&self, channel: &'b Channel<'b>, settings: &'b Settings) -> Sight<'b> {
-        let bounds = channel.bounds.as_ref();
+    fn sight<'b>(&self, channel: &'b Channel<'b>) -> Sight<'b>
+    where
+        'a: 'b,
+    {
+        let (bounds, settings) = (channel.bounds.as_ref(), self.settings);
         Sight { source: channel.source, slot: channel.slot, map: channel.map, bounds, settings }
     }
 
@@ -242,7 +262,7 @@ impl<F: InertialForm, const N: usize> Flight<'_, F, N> {
         let before: usize = plan.channels.iter().take(index).map(|channel| channel.source.rows).sum();
         let all: usize = plan.channels.iter().map(|channel| channel.source.rows).sum();
         let (at, from) = (exposure * sensors + index, exposure * all + before);
-        let mut sight = self.sight(channel, plan.settings);
+        let mut sight = self.sight(channel);
         if self.rejected[index] >= plan.relock_after {
             sight.bounds = None;
         }
