@@ -10,7 +10,7 @@ losnav        ``Strapdown``, ``LandmarkCamera``  general field and frame; argume
                                                  every landmark, results reported
 numba twin    arrays, a matrix for the attitude  the same algorithm for this field and frame alone, the
                                                  zeros of Phi used; small couplings of Q left out; no
-                                                 checks, no reports
+                                                 checks, no reports, no gate
 NumPy twin    arrays, a matrix for the attitude  the textbook: dense matrices, one solve for the image
 ============  =================================  ========================================================
 """
@@ -155,6 +155,43 @@ def numpy_update(z):
     return contender, lambda: (np.concatenate([x.r, x.v]), x.p)
 
 
+# --- a whole arc --------------------------------------------------------------------------------------
+
+EVERY = 10
+
+
+def losnav_run(z, form="joseph"):
+    """Ten samples from image to image, in one call."""
+    u, times = samples(EVERY * len(z)), EVERY * DT * np.arange(1, len(z) + 1)
+    space = {"fresh": engine(form), "times": times, "pairs": [(CAMERA, z)], "u": u, "n": EVERY, "kept": []}
+    body = "log = fresh.copy().run(times, pairs, controls=u, substeps=n); kept[:] = [log]"
+    name = "losnav run" + (f", form {form}" if form != "joseph" else "")
+
+    def answer():
+        log = space["kept"][0]
+        last = log.state[-1]
+        return np.concatenate([last.position, last.velocity]), log.covariance[-1]
+
+    return Contender(name, body, space, len(z)), answer
+
+
+def losnav_run_ud(z):
+    """The factorised form."""
+    return losnav_run(z, "ud")
+
+
+def numba_run(z):
+    """The twin, memory for the results given."""
+    u = samples(EVERY * len(z))
+    states, covariances = np.empty((len(z), 6)), np.empty((len(z), 15, 15))
+    body = "run(*arrays(), f, w, z, G, DT, densities, marks, focal, 1.0, memory, states, covariances)"
+    space = {"run": numba_inertial.run, "arrays": _arrays, "f": u[:, :3].copy(), "w": u[:, 3:].copy(), "z": z}
+    space |= {"G": GRAVITY, "DT": DT, "densities": DENSITIES, "marks": MARKS, "focal": FOCAL}
+    space |= {"memory": numba_inertial.memory(), "states": states, "covariances": covariances}
+    note = "this field and frame alone, no checks, no NIS, memory given"
+    return Contender("numba twin", body, space, len(z), note=note), lambda: (states[-1], covariances[-1])
+
+
 def _skew(a):
     return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
 
@@ -212,6 +249,7 @@ class _Textbook:
 
 
 PROPAGATE = [losnav_propagate, losnav_propagate_ud, numba_propagate, numpy_propagate]
+RUN = [losnav_run, losnav_run_ud, numba_run]
 UPDATE = [losnav_update, losnav_update_gated, losnav_update_ud, numba_update, numpy_update]
 
 
@@ -245,8 +283,9 @@ def measure(makers, rows, rounds):
 
 
 def tables(*, rounds):
-    """``{title: rows}`` of the two tables."""
+    """``{title: rows}`` of the three tables."""
     return {
         "One sample of the unit: predict": measure(PROPAGATE, samples(), rounds),
         "One image of ten landmarks: update": measure(UPDATE, images(), rounds),
+        "An arc of 100 images, ten samples each: one of them": measure(RUN, images(), rounds),
     }

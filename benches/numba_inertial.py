@@ -205,6 +205,37 @@ def update(r, v, c, biases, p, pixels, landmarks, focal, variance, work, small):
             c[i, j] = small[i, j]
 
 
+@numba.njit(**OPTIONS)
+def run(
+    r,
+    v,
+    c,
+    biases,
+    p,
+    f,
+    w,
+    pixels,
+    gravity,
+    dt,
+    densities,
+    landmarks,
+    focal,
+    variance,
+    memory,
+    states,
+    covariances,
+):
+    """A whole arc, as many samples from image to image as there are; the estimate after every image kept."""
+    work, phi, half, rows, small = memory
+    every = f.shape[0] // pixels.shape[0]
+    for k in range(pixels.shape[0]):
+        for j in range(every * k, every * (k + 1)):
+            propagate(r, v, c, biases, p, f[j], w[j], gravity, dt, densities, work, phi, half)
+        update(r, v, c, biases, p, pixels[k], landmarks, focal, variance, rows, small)
+        states[k, :3], states[k, 3:] = r, v
+        covariances[k] = p
+
+
 def memory():
     """What ``propagate`` and ``update`` write into."""
     return np.zeros((7, 3, 3)), np.zeros((N, N)), np.zeros((N, N)), np.zeros((5, N)), np.zeros((3, 3))

@@ -30,6 +30,7 @@ FILTER_TARGETS = [
 INERTIAL_TARGETS = [
     {"losnav predict": 1.0, "numba twin": 1.0, "NumPy twin": 20},
     {"losnav update": 2.0, "numba twin": 5.0, "NumPy twin": 20},
+    {"losnav run": 3.0, "numba twin": 4.0},
 ]
 
 

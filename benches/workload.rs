@@ -1,6 +1,7 @@
 //! The kernels to measure, each a closure over its fixtures: shared by the times (criterion) and the instruction counts.
 use std::hint::black_box;
 
+use losnav_core::estimators::kalman::{Covariance, Estimate, Joseph, Options as Taking, Ud, predict, update};
 use losnav_core::estimators::least_squares::{
     Method, Options, Outcome, Parametrization, PoseObjective, PoseState, solve,
 };
@@ -14,13 +15,17 @@ use losnav_core::math::so3::{dcm_from_quaternion, step};
 use losnav_core::math::trig::atan2;
 use losnav_core::math::vec3::{rotate, sub};
 use losnav_core::models::dynamics::relative_two_body::Fix;
+use losnav_core::models::dynamics::strapdown::{ImuSample, Noise, Site, Strapdown};
 use losnav_core::models::dynamics::{
     CurvilinearClohessyWiltshire, DynamicsModel, RelativeTwoBody, Specimen, TwoBody, YamanakaAnkersen,
 };
+use losnav_core::models::gravity::PointMass;
 use losnav_core::models::kinematics::Kinematics;
 use losnav_core::models::linearization::Weight;
-use losnav_core::models::sensors::LineOfSight;
+use losnav_core::models::nav_state::NavState;
+use losnav_core::models::sensors::landmark_camera::Optics;
 use losnav_core::models::sensors::line_of_sight::direction;
+use losnav_core::models::sensors::{LandmarkCamera, LineOfSight};
 use nalgebra::Vector3;
 
 /// 1-sigma noise of a direction, rad.
@@ -114,6 +119,50 @@ pub fn visit(measure: &mut impl Measure) {
     robust(measure, &weights);
     attitude(measure);
     motion(measure);
+    landing::<Joseph<f64, 15>>("Joseph", measure);
+    landing::<Ud<f64, 15>>("UD", measure);
+}
+
+/// Fifteen errors over a turning body: a sample of the unit, an image of ten landmarks.
+fn landing<P: Covariance<f64, 15>>(form: &str, measure: &mut impl Measure) {
+    const LEVEL: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let site = Site { site_from_fixed: LEVEL, center: [0.0, 0.0, 15e3], angular_velocity: [0.0, 3e-4, 1e-5] };
+    let noise = Noise {
+        acceleration: 1e-8,
+        angular_rate: 1e-11,
+        accelerometer_bias: 1e-14,
+        gyroscope_bias: 1e-17,
+        deviation: 0.0,
+        time_constant: f64::INFINITY,
+    };
+    let model = Strapdown { site, gravity: PointMass { mu: 4.4e5 }, noise };
+    let step = DynamicsModel::<f64, 15>::prepare(&model, 0.0, 0.1);
+    let mut prior = [[0.0; 15]; 15];
+    for i in 0..15 {
+        prior[i][i] = [100.0, 0.01, 1e-4, 1e-6, 1e-10][i / 3];
+    }
+    let mut state = NavState::origin();
+    state.position = [4.0, -3.0, 1000.0];
+    state.attitude = [1.0, 0.0, 0.0, 0.0];
+    let estimate = Estimate { state, covariance: P::new(&prior) };
+    let sample = ImuSample { specific_force: [1e-3, 2e-3, -2e-3], angular_rate: [1e-3, -2e-3, 3e-3] };
+    measure.measure(&format!("{form}, 15 states: predict"), &mut || {
+        black_box(predict(&model, &step, black_box(sample), black_box(&estimate)));
+    });
+    let mut random = Random(15);
+    let landmarks: [_; 10] = core::array::from_fn(|_| [100.0 * random.next(), 100.0 * random.next(), 0.0]);
+    let optics = Optics {
+        focal_length: [500.0; 2],
+        principal_point: [0.0; 2],
+        camera_from_body: LEVEL,
+        lever_arm: [0.0; 3],
+    };
+    let pixels = landmarks.map(|l| [0.5 * (l[0] - 4.0), -0.5 * (l[1] + 3.0)]);
+    let camera = LandmarkCamera { landmarks: &landmarks, pixels: &pixels, sigmas: &[1.0], map: &[], optics };
+    measure.measure(&format!("{form}, 15 states: update, 10 landmarks"), &mut || {
+        let taken = update(black_box(&estimate), &camera, &LEVEL, &Taking::PLAIN, f64::INFINITY, &mut []);
+        black_box(taken).ok();
+    });
 }
 
 /// Models of motion over a minute in low orbit.
