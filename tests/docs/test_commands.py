@@ -108,6 +108,16 @@ def test_what_is_named_exists(page):
 QUICK = {
     "landmark-landing": {"sampling": 43.0, "cold_times": (0.0, 300.0)},
     "relative-navigation": {"approach_duration": 6000.0},
+    "small-body-landing": {
+        "start_position": (60.0, -40.0, 300.0),
+        "start_velocity": (-0.5, 0.4, -3.0),
+        "duration": 60.0,
+        "settled": 20.0,
+        "outage_start": 20.0,
+        "outage_duration": 30.0,
+        "gravity_errors": (0.0, 1.0),
+        "landmark_rings": 8.0,
+    },
 }
 
 

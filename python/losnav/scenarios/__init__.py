@@ -32,6 +32,7 @@ NAMES: Final = (
 _REGISTRY: Final = {
     "landmark-landing": ("losnav.scenarios.landmark_landing", "LandmarkLanding"),
     "relative-navigation": ("losnav.scenarios.relative_navigation", "RelativeNavigation"),
+    "small-body-landing": ("losnav.scenarios.small_body_landing", "SmallBodyLanding"),
     "star-tracker": ("losnav.scenarios.star_tracker", "StarTracker"),
 }
 
