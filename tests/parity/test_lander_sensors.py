@@ -289,6 +289,52 @@ def test_sensors_are_values(name):
             getattr(sensor, field)[...] = 1.0
 
 
+def test_some_landmarks_of_a_camera():
+    whole = ln.sensors.LandmarkCamera(
+        MARKS, 500.0, [1.0, 2.0, 3.0, 4.0], [0.1, 0.2, 0.3, 0.4], map_errors="ignore"
+    )
+    for which in ([1, 3], [False, True, False, True]):
+        some = whole.only(which)
+        np.testing.assert_array_equal(some.predict(STATE), whole.predict(STATE)[[2, 3, 6, 7]])
+        np.testing.assert_array_equal(some.noise(), np.diag([4.0, 4, 16, 16]))
+        assert (some.landmark_sigma == [0.2, 0.4]).all()
+        assert some.map_errors == "ignore"
+    for bad in ([4], [], [True]):
+        with pytest.raises(ln.InvalidInputError):
+            whole.only(bad)
+
+
+class Mine:
+    """A model of a user's, which the engine does not know."""
+
+    def __init__(self, model):
+        self.propagate, self.transition = model.propagate, model.transition
+        self.process_noise = model.process_noise
+
+
+def test_landmarks_that_were_not_seen_are_missing_one_by_one(rng):
+    """In the engine, step by step and as an arc; and in a filter whose model is in Python."""
+    orbit = ln.dynamics.ClohessyWiltshire(1e-3, 1e-6)
+    start = np.concatenate([STATE.position, STATE.velocity])
+    behind = ln.sensors.LandmarkCamera([*MARKS, [0.0, 0.0, 500.0]], 500.0, 1.0)
+    z = np.full((6, 10), np.nan)
+    place = start
+    for k in range(6):
+        place = orbit.propagate(place, 1.0)
+        z[k] = camera().only([0, 1, 2, 3]).simulate(place, rng, dcm=DOWN).tolist() + [np.nan] * 2
+        z[k, 2 * k % 8 : 2 * k % 8 + 2] = np.nan
+    z[4] = np.nan
+    ends = []
+    for model in (orbit, Mine(orbit)):
+        ekf = ln.ExtendedKalmanFilter(model, start + 0.1, np.eye(6))
+        log = ekf.run(np.arange(1.0, 7.0), [(behind, z)], dcm=DOWN)
+        assert log.accepted[:, 0].tolist() == [True] * 4 + [False, True]
+        assert (np.isnan(log.innovation) == np.isnan(z)).all()
+        ends.append((log.state, log.covariance, log.nis[np.isfinite(log.nis)]))
+    for a, b in zip(*ends, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-12)
+
+
 def test_delayed_wraps_a_sensor():
     late = ln.sensors.Delayed(camera(), 2)
     assert late.latency == 2.0

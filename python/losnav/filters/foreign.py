@@ -12,6 +12,7 @@ from losnav.errors import InvalidInputError, NumericalError
 from losnav.filters.backward import Journey, started
 from losnav.filters.log import FilterLog
 from losnav.filters.step import Step, told_to, with_time, within_blocks
+from losnav.sensors import LandmarkCamera
 from losnav.sensors.listed import measures_unit_vectors
 
 if TYPE_CHECKING:
@@ -60,15 +61,17 @@ def update(
     if np.isinf(measured).any():
         raise InvalidInputError("z: expected finite numbers (or NaN: no measurement), got infinity")
     context = with_time(sensor, context, engine.time)
-    look = _Look(sensor, measured, context)
+    look, there = _seen(sensor, measured, context)
     innovation, h, r = look.at(x)
     dof = look.dof(innovation.size)
 
     def report(nis: float, accepted: bool) -> Step:
         beta, consider = options["underweighting"], options["consider"]
-        return Step(sensor, context, x, covariance, innovation, nis, dof, accepted, beta, consider)
+        whole = np.full(measured.size, np.nan)
+        whole[there] = innovation
+        return Step(sensor, context, x, covariance, whole, nis, dof, accepted, beta, consider)
 
-    if np.isnan(measured).any():
+    if np.isnan(innovation).any():
         return report(float("nan"), False)
     zero = np.zeros(x.size)
     delta, nis = engine.attempt(*_whitened(sensor, look.direction, innovation, h, r), zero)
@@ -192,7 +195,7 @@ def _arc(
         for sensor, rows in zip(sensors, measured, strict=True):
             try:
                 step = ekf.update(sensor, rows[k], **told)
-                missing = bool(np.isnan(rows[k]).any())
+                missing = bool(np.isnan(step.nis))
                 innovation = np.full(rows[k].size, np.nan) if missing else step.innovation
                 seen.append((step.nis, step.accepted, step.dof, innovation))
             except NumericalError:
@@ -254,6 +257,15 @@ class _Look:
         if measures_unit_vectors(self.sensor):
             return 2 * rows // 3
         return int(getattr(self.sensor, "dof", rows))
+
+
+def _seen(sensor: Any, measured: FloatArray, context: dict[str, Any]) -> tuple[_Look, Any]:
+    """What there is of a measurement, and which of its numbers: of a camera the landmarks that were seen."""
+    if type(sensor) is LandmarkCamera and measured.size == 2 * len(sensor.landmarks):
+        seen = np.isfinite(measured.reshape(-1, 2)).all(axis=-1)
+        if seen.any() and not seen.all() and context.get("landmarks") is None:
+            return _Look(sensor.only(seen), measured.reshape(-1, 2)[seen], context), np.repeat(seen, 2)
+    return _Look(sensor, measured, context), slice(None)
 
 
 def _whitened(

@@ -272,6 +272,40 @@ class LandmarkCamera(Listed):
         """
         return self._project(state, dcm, landmarks)[1]
 
+    def only(self, index: ArrayLike) -> LandmarkCamera:
+        """The same camera with some of its landmarks.
+
+        Parameters
+        ----------
+        index : (K,) of int, or (N,) of bool
+            Which.
+
+        Returns
+        -------
+        LandmarkCamera
+            Their noise and the errors of their map with them.
+
+        Raises
+        ------
+        InvalidInputError
+            If they are none, or not all there.
+        """
+        try:
+            kept = np.arange(len(self.landmarks))[np.atleast_1d(index)]
+        except IndexError as error:
+            raise InvalidInputError(f"index: expected some of {len(self.landmarks)} landmarks") from error
+        return LandmarkCamera(
+            self.landmarks[kept],
+            self.focal_length_px,
+            self.sigma_px[kept] if self.sigma_px.ndim else self.sigma_px,
+            self.landmark_sigma[kept] if self.landmark_sigma.ndim else self.landmark_sigma,
+            principal_point=self.principal_point,
+            image_size=self.image_size,
+            camera_from_body=self.camera_from_body,
+            lever_arm=self.lever_arm,
+            map_errors=self.map_errors,
+        )
+
     def _hold(self, name: str, array: FloatArray, *shapes: tuple[int, ...]) -> None:
         if array.shape not in shapes:
             wanted = " or ".join(f"shape {shape}" if shape else "a number" for shape in shapes)

@@ -288,7 +288,7 @@ fn fifteen_states_in_single_precision() {
     let [factors, joseph] = study::<15>(VAGUE);
     assert_eq!(factors.lost, 0);
     assert!(factors.sigma[0] < 0.03 && factors.sigma[1] < 0.01 && factors.estimate < 1.5, "{factors:?}");
-    assert!(joseph.lost > 0 && joseph.sigma[1] > 0.5 && joseph.estimate > 10.0, "{joseph:?}");
+    assert!(joseph.lost > 0 && joseph.sigma[1] > 0.2 && joseph.estimate > 5.0, "{joseph:?}");
 }
 
 /// Where the first estimate is as good as its covariance says, either form will do.

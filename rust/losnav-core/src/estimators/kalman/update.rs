@@ -79,7 +79,9 @@ where
         // The first pass fills the room, those that follow find none.
         sensor.linearize(&at, &mut Both(&mut rows, &mut heard))?;
         if pass == 0 {
-            (nis, dof) = (rows.nis, rows.dof);
+            // No row at all, a camera that saw no landmark, is no measurement.
+            nis = if rows.dof == 0 { T::splat(f64::NAN) } else { rows.nis };
+            dof = rows.dof;
         }
         delta = corrected(&rows.delta, options);
     }
