@@ -61,6 +61,11 @@ def update(
     if np.isinf(measured).any():
         raise InvalidInputError("z: expected finite numbers (or NaN: no measurement), got infinity")
     context = with_time(sensor, context, engine.time)
+    if type(sensor) is LandmarkCamera and np.isnan(measured).all():
+        # No landmark has to be in front of a camera that saw none.
+        nothing = np.full(measured.size, np.nan)
+        beta, consider = options["underweighting"], options["consider"]
+        return Step(sensor, context, x, covariance, nothing, np.nan, nothing.size, False, beta, consider)
     look, there = _seen(sensor, measured, context)
     innovation, h, r = look.at(x)
     dof = look.dof(innovation.size)
@@ -71,7 +76,7 @@ def update(
         whole[there] = innovation
         return Step(sensor, context, x, covariance, whole, nis, dof, accepted, beta, consider)
 
-    if np.isnan(innovation).any():
+    if np.isnan(look.measured).any():
         return report(float("nan"), False)
     zero = np.zeros(x.size)
     delta, nis = engine.attempt(*_whitened(sensor, look.direction, innovation, h, r), zero)
