@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from losnav.scenarios.intervals import resampled
-from losnav.scenarios.relative_navigation.judging import computed, ratio, sampled, text
+from losnav.scenarios.judging import computed, ratio, sampled, text
 from losnav.scenarios.relative_navigation.result import POSITION, VELOCITY, three_sigma
 from losnav.scenarios.relative_navigation.study import covariance_bound, final_epochs, settled
 from losnav.scenarios.verdicts import Claim, Verdict, judge

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 import losnav as ln
 from losnav.scenarios.intervals import resampled
+from losnav.scenarios.judging import computed, first, ratio, sampled, text
 from losnav.scenarios.relative_navigation.accuracy_claims import accuracy_claims
-from losnav.scenarios.relative_navigation.judging import computed, first, ratio, sampled, text
 from losnav.scenarios.relative_navigation.result import POSITION, VELOCITY, three_sigma
 from losnav.scenarios.relative_navigation.robustness_claims import robustness_claims
 from losnav.scenarios.relative_navigation.study import PrintedTransition
@@ -22,8 +22,7 @@ from losnav.scenarios.relative_navigation.truth import frame_angles
 from losnav.scenarios.verdicts import Claim, Claims, judge
 
 if TYPE_CHECKING:
-    from losnav.scenarios.relative_navigation.judging import computed, first, ratio, sampled, text
-from losnav.scenarios.relative_navigation.result import RelativeNavigationResult
+    from losnav.scenarios.relative_navigation.result import RelativeNavigationResult
 
 __all__ = ["judge_claims"]
 

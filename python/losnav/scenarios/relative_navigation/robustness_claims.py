@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from losnav.scenarios.intervals import resampled
-from losnav.scenarios.relative_navigation.judging import first, ratio, sampled, text
+from losnav.scenarios.judging import first, ratio, sampled, text
 from losnav.scenarios.relative_navigation.result import POSITION, three_sigma
 from losnav.scenarios.verdicts import Claim, Verdict, judge
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from losnav.scenarios.intervals import resampled
-from losnav.scenarios.relative_navigation.judging import first, ratio, sampled, text
+from losnav.scenarios.judging import first, ratio, sampled, text
 from losnav.scenarios.small_body_landing.information_claims import information_claims
 from losnav.scenarios.small_body_landing.result import POSITION, VELOCITY, rms
 from losnav.scenarios.small_body_landing.robustness_claims import robustness_claims

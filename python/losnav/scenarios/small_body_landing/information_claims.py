@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 import losnav as ln
 from losnav.landing import NADIR
 from losnav.scenarios.intervals import resampled
-from losnav.scenarios.relative_navigation.judging import computed, ratio, sampled, text
+from losnav.scenarios.judging import computed, ratio, sampled, text
 from losnav.scenarios.small_body_landing.result import VELOCITY
 from losnav.scenarios.small_body_landing.truth import (
     direction,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from losnav.consistency import binomial_interval
 from losnav.scenarios.intervals import CONFIDENCE, resampled
-from losnav.scenarios.relative_navigation.judging import first, ratio, sampled, text
+from losnav.scenarios.judging import first, ratio, sampled, text
 from losnav.scenarios.small_body_landing.result import POSITION, rms
 from losnav.scenarios.small_body_landing.study import MAP_ERRORS, OUTAGE, STARTS, final_epochs
 from losnav.scenarios.verdicts import Claim, Verdict, judge
