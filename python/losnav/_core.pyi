@@ -122,6 +122,44 @@ class StrapdownModel:
 
 def predict_los(landmarks: _Floats, position: _Floats, mrp: _Floats, /) -> _Floats: ...
 def los_jacobian(landmarks: _Floats, position: _Floats, mrp: _Floats, /) -> _Floats: ...
+def lie_matrix(
+    name: str,
+    parameters: Sequence[float],
+    sensors: tuple[Any, ...],
+    state: _Floats,
+    control: _Floats,
+    dcm: _Floats | None,
+    time: _Floats,
+    order: int,
+    scale: _Floats,
+    pace: _Floats,
+    context: dict[str, Any],
+    /,
+) -> _Floats | None: ...
+def lie_inertial(
+    model: StrapdownModel,
+    sensors: tuple[Any, ...],
+    state: _Floats,
+    control: _Floats,
+    time: _Floats,
+    order: int,
+    scale: _Floats,
+    pace: _Floats,
+    context: dict[str, Any],
+    /,
+) -> _Floats | None: ...
+def lie_path(
+    name: str,
+    parameters: Sequence[float],
+    state: _Floats,
+    control: _Floats,
+    time: _Floats,
+    order: int,
+    /,
+) -> _Floats: ...
+def lie_view(
+    sensor: Any, series: _Floats, dcm: _Floats | None, context: dict[str, Any], /
+) -> _Floats | None: ...
 def fisher_information(
     landmarks: npt.ArrayLike,
     predicted: npt.ArrayLike,

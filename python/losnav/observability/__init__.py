@@ -13,21 +13,26 @@ from losnav.observability.information import (
     horizon_weighted,
     unobservability_index,
 )
+from losnav.observability.lie import lie_matrix
 from losnav.observability.matrix import Observability, analyze, degree
 from losnav.observability.pose import Diagnosis, PoseObservability, of_pose_solution, pose_observability
+from losnav.observability.units import canonical_units, state_labels
 
 __all__ = [
     "Diagnosis",
     "Observability",
     "PoseObservability",
     "analyze",
+    "canonical_units",
     "crlb",
     "degree",
     "empirical_gramian",
     "estimation_condition",
     "gramian",
     "horizon_weighted",
+    "lie_matrix",
     "of_pose_solution",
     "pose_observability",
+    "state_labels",
     "unobservability_index",
 ]

@@ -14,6 +14,9 @@ mod inertial;
 mod inputs;
 #[cfg(target_arch = "x86_64")]
 mod lanes;
+mod lie;
+mod lie_inertial;
+mod lie_series;
 mod los;
 mod measured;
 mod observability;
@@ -51,6 +54,12 @@ mod _core {
     use crate::gravity::GravityField;
     #[pymodule_export]
     use crate::inertial::InertialFilter;
+    #[pymodule_export]
+    use crate::lie::lie_matrix;
+    #[pymodule_export]
+    use crate::lie_inertial::lie_inertial;
+    #[pymodule_export]
+    use crate::lie_series::{lie_path, lie_view};
     #[pymodule_export]
     use crate::los::{fisher_information, los_jacobian, predict_los};
     #[pymodule_export]

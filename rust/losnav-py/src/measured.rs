@@ -1,4 +1,5 @@
 //! The listed sensors as Python knows them: what of a dataclass makes the engine's struct, whatever is asked of it.
+use losnav_core::math::real::Real;
 use losnav_core::models::apparent::{Body, Corrections};
 use losnav_core::models::linearization::Weight;
 use losnav_core::models::sensors::landmark_camera::{MapError, Optics};
@@ -6,8 +7,6 @@ use losnav_core::models::sensors::{
     Altimeter, BodyDirection, LandmarkCamera, Law, LineOfSight, Range, RangeBearing, RangeRate, SunDirection,
     Velocimeter,
 };
-
-use crate::dispatch::Lanes;
 
 /// How a listed sensor is made of the arrays its Python object holds and a measurement.
 pub trait Measured {
@@ -28,11 +27,11 @@ pub trait Measured {
     /// Numbers in a measurement, and how many of them are independent.
     fn size<A: AsRef<[f64]>>(fields: &[A]) -> (usize, usize);
     /// Shows the sensor that measured `z`.
-    fn show<V: Lanes, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>);
+    fn show<V: Real, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>);
 }
 
 #[inline(always)]
-fn scalar<V: Lanes, A: AsRef<[f64]>>(fields: &[A], field: usize) -> V {
+fn scalar<V: Real, A: AsRef<[f64]>>(fields: &[A], field: usize) -> V {
     V::splat(fields.get(field).and_then(|f| f.as_ref().first()).copied().unwrap_or(f64::NAN))
 }
 
@@ -43,7 +42,7 @@ fn flag<A: AsRef<[f64]>>(fields: &[A], field: usize, index: usize) -> bool {
 }
 
 #[inline(always)]
-fn triple<V: Lanes, A: AsRef<[f64]>>(fields: &[A], field: usize) -> [V; 3] {
+fn triple<V: Real, A: AsRef<[f64]>>(fields: &[A], field: usize) -> [V; 3] {
     match fields.get(field).map(AsRef::as_ref) {
         Some(&[x, y, z]) => [V::splat(x), V::splat(y), V::splat(z)],
         _ => [V::splat(f64::NAN); 3],
@@ -52,7 +51,7 @@ fn triple<V: Lanes, A: AsRef<[f64]>>(fields: &[A], field: usize) -> [V; 3] {
 
 /// A field of vectors, one after another.
 #[inline(always)]
-fn triples<V: Lanes>(field: &[f64]) -> Vec<[V; 3]> {
+fn triples<V: Real>(field: &[f64]) -> Vec<[V; 3]> {
     let mut out = Vec::with_capacity(field.len() / 3);
     for p in field.as_chunks::<3>().0 {
         out.push([V::splat(p[0]), V::splat(p[1]), V::splat(p[2])]);
@@ -61,7 +60,7 @@ fn triples<V: Lanes>(field: &[f64]) -> Vec<[V; 3]> {
 }
 
 #[inline(always)]
-fn numbers<V: Lanes>(field: &[f64]) -> Vec<V> {
+fn numbers<V: Real>(field: &[f64]) -> Vec<V> {
     let mut out = Vec::with_capacity(field.len());
     for value in field {
         out.push(V::splat(*value));
@@ -70,7 +69,7 @@ fn numbers<V: Lanes>(field: &[f64]) -> Vec<V> {
 }
 
 #[inline(always)]
-fn first<V: Lanes, const M: usize>(z: &[V]) -> [V; M] {
+fn first<V: Real, const M: usize>(z: &[V]) -> [V; M] {
     z.first_chunk::<M>().copied().unwrap_or([V::splat(f64::NAN); M])
 }
 
@@ -85,7 +84,7 @@ impl Measured for LineOfSight<'_, f64> {
     }
 
     #[inline(always)]
-    fn show<V: Lanes, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>) {
+    fn show<V: Real, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>) {
         let [points, sigmas] = fields else { return };
         let (points, sigmas) = (points.as_ref(), sigmas.as_ref());
         let landmarks = triples(points);
@@ -107,7 +106,7 @@ impl Measured for RangeBearing<f64> {
     }
 
     #[inline(always)]
-    fn show<V: Lanes, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>) {
+    fn show<V: Real, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>) {
         law.examine(&RangeBearing {
             measurement: first(z),
             sigma_range: scalar(fields, 0),
@@ -127,7 +126,7 @@ impl Measured for Range<f64> {
     }
 
     #[inline(always)]
-    fn show<V: Lanes, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>) {
+    fn show<V: Real, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>) {
         law.examine(&Range { measurement: first(z), sigma: scalar(fields, 0), target: triple(fields, 1) });
     }
 }
@@ -142,7 +141,7 @@ impl Measured for RangeRate<f64> {
     }
 
     #[inline(always)]
-    fn show<V: Lanes, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>) {
+    fn show<V: Real, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>) {
         law.examine(&RangeRate {
             measurement: first(z),
             sigma: scalar(fields, 0),
@@ -161,7 +160,7 @@ impl Measured for SunDirection<f64> {
     }
 
     #[inline(always)]
-    fn show<V: Lanes, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>) {
+    fn show<V: Real, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>) {
         law.examine(&SunDirection {
             los: first(z),
             sigma: scalar(fields, 0),
@@ -174,7 +173,7 @@ impl Measured for SunDirection<f64> {
 const OPTICS: usize = 16;
 
 #[inline(always)]
-fn optics<V: Lanes>(field: &[f64]) -> Optics<V> {
+fn optics<V: Real>(field: &[f64]) -> Optics<V> {
     let mut n = [V::splat(f64::NAN); OPTICS];
     for (value, number) in n.iter_mut().zip(field) {
         *value = V::splat(*number);
@@ -189,7 +188,7 @@ fn optics<V: Lanes>(field: &[f64]) -> Optics<V> {
 
 /// Errors of `n` landmarks: a variance for all, one for each, or covariances.
 #[inline(always)]
-fn map_errors<V: Lanes>(field: &[f64], n: usize) -> Vec<MapError<V>> {
+fn map_errors<V: Real>(field: &[f64], n: usize) -> Vec<MapError<V>> {
     if field.len() == 9 * n {
         let mut out = Vec::with_capacity(n);
         for m in field.as_chunks::<3>().0.as_chunks::<3>().0 {
@@ -216,7 +215,7 @@ impl Measured for LandmarkCamera<'_, f64> {
     }
 
     #[inline(always)]
-    fn show<V: Lanes, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>) {
+    fn show<V: Real, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>) {
         let [points, camera, sigmas, white] = fields else { return };
         let landmarks = triples(points.as_ref());
         law.examine(&LandmarkCamera {
@@ -241,7 +240,7 @@ impl Measured for Velocimeter<'_, f64> {
     }
 
     #[inline(always)]
-    fn show<V: Lanes, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>) {
+    fn show<V: Real, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>) {
         let [beams, sigmas] = fields else { return };
         let (beams, sigmas) = (triples(beams.as_ref()), numbers(sigmas.as_ref()));
         law.examine(&Velocimeter { beams: &beams, measurement: z, sigmas: &sigmas });
@@ -269,7 +268,7 @@ impl Measured for Altimeter<f64> {
     }
 
     #[inline(always)]
-    fn show<V: Lanes, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>) {
+    fn show<V: Real, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>) {
         law.examine(&Altimeter {
             measurement: first(z),
             sigma: scalar(fields, 1),
@@ -290,7 +289,7 @@ impl Measured for BodyDirection<f64> {
     }
 
     #[inline(always)]
-    fn show<V: Lanes, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>) {
+    fn show<V: Real, A: AsRef<[f64]>>(fields: &[A], z: &[V], law: &mut impl Law<V>) {
         let corrections = Corrections { light_time: flag(fields, 1, 0), aberration: flag(fields, 1, 1) };
         let number = |index: usize| {
             V::splat(fields.get(1).and_then(|f| f.as_ref().get(index)).copied().unwrap_or(f64::NAN))

@@ -172,6 +172,13 @@ pub struct StrapdownModel {
     model: Strapdown<AnyGravity>,
 }
 
+impl StrapdownModel {
+    /// The model.
+    pub fn model(&self) -> &Strapdown<AnyGravity> {
+        &self.model
+    }
+}
+
 #[pymethods]
 impl StrapdownModel {
     /// Of `site_from_fixed` (9), `center` (3), `angular_velocity` (3); the gravity; and the six numbers of

@@ -3,4 +3,5 @@ pub mod danger_cylinder;
 pub mod diagnosis;
 pub mod fisher;
 pub mod information;
+pub mod lie;
 pub mod observability;

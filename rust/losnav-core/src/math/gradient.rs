@@ -182,6 +182,21 @@ impl<T: Real, const N: usize> Real for Gradient<T, N> {
         Self::select(self.lt(Self::zero()), -self, self)
     }
     #[inline(always)]
+    fn sine_cosine(self) -> (Self, Self) {
+        let (sin, cos) = self.value.sine_cosine();
+        (self.chain(sin, cos), self.chain(cos, -sin))
+    }
+    #[inline(always)]
+    fn arctan2(self, x: Self) -> Self {
+        let inverse = x.value.mul_add(x.value, self.value * self.value).recip();
+        let (by_y, by_x) = (x.value * inverse, -(self.value * inverse));
+        let mut slope = self.slope;
+        for i in 0..N {
+            slope[i] = by_y.mul_add(slope[i], by_x * x.slope[i]);
+        }
+        Self { value: self.value.arctan2(x.value), slope }
+    }
+    #[inline(always)]
     fn max(self, other: Self) -> Self {
         Self::select(self.lt(other), other, self)
     }

@@ -2,6 +2,7 @@
 pub mod gradient;
 pub mod integrator;
 pub mod jacobi;
+pub mod jets;
 pub mod logarithm;
 pub mod matrix;
 pub mod real;

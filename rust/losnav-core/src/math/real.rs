@@ -7,6 +7,8 @@
 use core::fmt::Debug;
 use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
+use super::trig;
+
 /// The answer to a comparison: one flag per lane.
 pub trait Mask: Copy + Debug {
     /// The same flag in every lane.
@@ -112,6 +114,16 @@ pub trait Real:
     }
     /// Absolute value.
     fn abs(self) -> Self;
+    /// `(sin self, cos self)`, by polynomials; what carries derivatives gives theirs instead of a polynomial's.
+    #[inline(always)]
+    fn sine_cosine(self) -> (Self, Self) {
+        trig::sin_cos_by_polynomials(self)
+    }
+    /// The angle of the vector `(x, self)`, in the same way.
+    #[inline(always)]
+    fn arctan2(self, x: Self) -> Self {
+        trig::atan2_by_polynomials(self, x)
+    }
     /// The larger of two.
     fn max(self, other: Self) -> Self;
     /// The nearest whole number, half to even, of one below `1/4 EPSILON`; a constant: derivatives end here.

@@ -1,7 +1,8 @@
 //! Angles over any [`Real`]: `atan2`, wrapping, sine and cosine without a branch or a call to a library.
 //!
 //! Each is within two units in the last place of the exact value. The approximations are polynomials and quotients of
-//! polynomials, so numbers that carry derivatives pass through and keep them to about 1e-14.
+//! polynomials; numbers that carry derivatives take the value from them and the derivatives from the equations that sine,
+//! cosine and angle obey, so that no order of derivatives is that of a polynomial.
 use super::real::{Mask, Real};
 
 /// `π/4`.
@@ -45,6 +46,12 @@ fn small_atan<T: Real>(t: T) -> T {
 /// Exact to two units in the last place where neither number is beyond 1e300 and the larger is above 1e-290.
 #[inline(always)]
 pub fn atan2<T: Real>(y: T, x: T) -> T {
+    y.arctan2(x)
+}
+
+/// [`atan2`] of numbers without derivatives.
+#[inline(always)]
+pub fn atan2_by_polynomials<T: Real>(y: T, x: T) -> T {
     let (ax, ay) = (x.abs(), y.abs());
     let steep = ax.lt(ay);
     let (large, small) = (T::select(steep, ay, ax), T::select(steep, ax, ay));
@@ -76,10 +83,15 @@ pub fn wrap_angle<T: Real>(angle: T) -> T {
 }
 
 /// `(sin x, cos x)`; two units in the last place of one for a million turns.
-///
-/// The remainder of a quarter turn goes through the polynomials of fdlibm (error below 2⁻⁵⁸).
 #[inline(always)]
 pub fn sin_cos<T: Real>(x: T) -> (T, T) {
+    x.sine_cosine()
+}
+
+/// [`sin_cos`] of numbers without derivatives: the remainder of a quarter turn goes through the polynomials of fdlibm (error
+/// below 2⁻⁵⁸).
+#[inline(always)]
+pub fn sin_cos_by_polynomials<T: Real>(x: T) -> (T, T) {
     const S: [f64; 6] = [
         1.589_690_995_211_55e-10,
         -2.505_076_025_340_686_3e-8,

@@ -10,6 +10,7 @@ pub mod clohessy_wiltshire;
 pub mod curvilinear;
 pub mod disturbance;
 pub mod field;
+pub mod flow;
 pub mod kepler;
 pub mod lvlh;
 pub mod perturbed_two_body;
@@ -20,6 +21,7 @@ pub mod yamanaka_ankersen;
 
 pub use clohessy_wiltshire::ClohessyWiltshire;
 pub use curvilinear::CurvilinearClohessyWiltshire;
+pub use flow::Flow;
 pub use perturbed_two_body::PerturbedTwoBody;
 pub use relative_two_body::RelativeTwoBody;
 pub use strapdown::Strapdown;

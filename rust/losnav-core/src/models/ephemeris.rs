@@ -1,7 +1,8 @@
 //! Paths that are known beforehand: a body's positions as polynomials of degree 7 in time, piece after piece.
 //!
 //! Who makes the pieces goes through samples of position and velocity; between samples a hundredth of the period apart that
-//! leaves millimetres for a planet. Time is a plain number: nothing is differentiated along it.
+//! leaves millimetres for a planet. Time is a plain number, or a series in time.
+use crate::math::real::Real;
 use crate::math::vec3::Vec3;
 
 /// Numbers of a polynomial.
@@ -21,12 +22,12 @@ pub struct Piece {
 impl Piece {
     /// Position at `time`, m.
     #[must_use]
-    pub fn position(&self, time: f64) -> Vec3<f64> {
-        let share = (time - self.start) / self.length;
-        let mut place = [0.0; 3];
+    pub fn position<T: Real>(&self, time: T) -> Vec3<T> {
+        let share = (time - T::splat(self.start)) / T::splat(self.length);
+        let mut place = [T::zero(); 3];
         for i in 0..3 {
             for k in (0..TERMS).rev() {
-                place[i] = place[i] * share + self.coefficients[i][k];
+                place[i] = place[i] * share + T::splat(self.coefficients[i][k]);
             }
         }
         place

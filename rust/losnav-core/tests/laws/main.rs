@@ -6,6 +6,7 @@ mod dual;
 mod dynamics;
 mod gravity;
 mod least_squares;
+mod lie;
 mod normal_equations;
 mod rotations;
 mod scene;

@@ -12,7 +12,7 @@ use crate::dual::First;
 use crate::{SAME_FORMULA, assert_close};
 
 /// Above a place on a body of the size of Eros that turns a hundred times as fast, so that nothing is small.
-fn model() -> Strapdown<PointMass> {
+pub fn model() -> Strapdown<PointMass> {
     Strapdown {
         site: Site {
             site_from_fixed: [[0.0, 1.0, 0.0], [-0.6, 0.0, 0.8], [0.8, 0.0, 0.6]],
@@ -31,7 +31,7 @@ fn model() -> Strapdown<PointMass> {
     }
 }
 
-fn state() -> NavState<f64> {
+pub fn state() -> NavState<f64> {
     NavState {
         position: [400.0, -300.0, 2000.0],
         velocity: [-1.0, 0.7, -5.0],
@@ -42,7 +42,8 @@ fn state() -> NavState<f64> {
     }
 }
 
-const SAMPLE: ImuSample<f64> = ImuSample { specific_force: [0.3, -0.5, 9.0], angular_rate: [0.2, -0.1, 0.3] };
+pub const SAMPLE: ImuSample<f64> =
+    ImuSample { specific_force: [0.3, -0.5, 9.0], angular_rate: [0.2, -0.1, 0.3] };
 
 /// Numbers along which derivatives are taken.
 fn seeded(x: &NavState<f64>) -> NavState<First> {

@@ -1,5 +1,6 @@
 //! Where measurements come from: a listed sensor, read once from its Python object and then made afresh, in any
 //! lanes, around every measurement.
+use losnav_core::math::real::Real;
 use losnav_core::models::sensors::{
     Altimeter, BodyDirection, LandmarkCamera, Law, LineOfSight, Range, RangeBearing, RangeRate, SensorModel,
     SunDirection, Velocimeter,
@@ -8,7 +9,6 @@ use pyo3::prelude::*;
 
 use super::Context;
 use crate::convert::Floats;
-use crate::dispatch::Lanes;
 use crate::errors::{InvalidInputError, shape_error};
 use crate::measured::Measured;
 
@@ -141,7 +141,7 @@ impl Source {
 
     /// Shows the sensor that measured `z`, while it looked at `seen` if it changes with time.
     #[inline(always)]
-    pub fn show<V: Lanes>(&self, seen: &[f64], z: &[V], law: &mut impl Law<V>) {
+    pub fn show<V: Real>(&self, seen: &[f64], z: &[V], law: &mut impl Law<V>) {
         let mut fields: [&[f64]; FIELDS] = [&[]; FIELDS];
         let count = self.fields.len().min(FIELDS);
         for (field, own) in fields.iter_mut().zip(&self.fields) {

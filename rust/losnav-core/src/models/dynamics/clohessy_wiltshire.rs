@@ -9,7 +9,7 @@
 //! (`r²/2R`, 0.1 m at 1.2 km), J2 (a few metres an orbit for neighbours a few hundred metres apart).
 use num_traits::Float;
 
-use super::{DynamicsModel, Specimen};
+use super::{DynamicsModel, Flow, Specimen};
 use crate::math::matrix::mirrored;
 use crate::math::real::Real;
 
@@ -299,6 +299,23 @@ impl<T: Real> DynamicsModel<T, 6> for ClohessyWiltshire {
             }
         }
         mirrored(&out)
+    }
+}
+
+impl<T: Real> Flow<T, 6> for ClohessyWiltshire {
+    #[inline(always)]
+    fn rates(&self, _time: T, state: &[T; 6], control: [T; 3]) -> [T; 6] {
+        let (turn, pull) = (T::splat(2.0 * self.mean_motion), T::splat(self.mean_motion * self.mean_motion));
+        let [_, y, z, vx, vy, vz] = *state;
+        let [ax, ay, az] = control;
+        [
+            vx,
+            vy,
+            vz,
+            turn.mul_add(vz, ax),
+            (-pull).mul_add(y, ay),
+            (-turn).mul_add(vx, (T::splat(3.0) * pull).mul_add(z, az)),
+        ]
     }
 }
 

@@ -9,7 +9,7 @@
 //! carried back. Size of the effect: 160 km along the track the tangent is 1.8 km off the orbit, and the linear model there
 //! drifts by tens of kilometres an orbit. Left out: eccentricity, J₂.
 use super::clohessy_wiltshire::{self, ClohessyWiltshire};
-use super::{DynamicsModel, Specimen};
+use super::{DynamicsModel, Flow, Specimen};
 use crate::math::gradient::Gradient;
 use crate::math::matrix::congruence;
 use crate::math::real::{Real, Work};
@@ -154,6 +154,20 @@ impl<T: Real> Work for Noise<'_, T> {
         let end = model.linear.propagate(&step.linear, &start, [T::zero(); 3]);
         let (_, back) = Gradient::split(&cartesian(model.radius, &Gradient::variables(&end)));
         congruence(&back, &model.linear.process_noise(&step.linear, &start))
+    }
+}
+
+impl<T: Real> Flow<T, 6> for CurvilinearClohessyWiltshire {
+    /// The linear equations along the coordinates, and the way back of what moves there: `∂x/∂ξ ξ'`.
+    #[inline(always)]
+    fn rates(&self, time: T, state: &[T; 6], control: [T; 3]) -> [T; 6] {
+        let coordinates = curvilinear(self.radius, state);
+        let rates = self.linear.rates(time, &coordinates, control);
+        let mut moving = [Gradient::constant(T::zero()); 6];
+        for i in 0..6 {
+            moving[i] = Gradient { value: coordinates[i], slope: [rates[i]] };
+        }
+        cartesian(self.radius, &moving).map(|x: Gradient<T, 1>| x.slope[0])
     }
 }
 

@@ -23,6 +23,9 @@ impl Field {
     pub fn acceleration<T: Real>(&self, r: Vec3<T>) -> Vec3<T> {
         let inverse = dot(r, r).recip();
         let pull = T::splat(-self.mu) * inverse * inverse.sqrt();
+        if self.flattening == 0.0 {
+            return scale(pull, r);
+        }
         let lift = T::splat(1.5 * self.flattening) * inverse;
         let tilt = T::splat(5.0) * r[2] * r[2] * inverse;
         let across = pull * lift.mul_add(T::one() - tilt, T::one());

@@ -15,7 +15,7 @@ use num_traits::Float;
 use super::disturbance::{Path, accumulate};
 use super::field::Field;
 use super::two_body::{TOLERANCE, TwoBody, relative};
-use super::{DynamicsModel, Specimen};
+use super::{DynamicsModel, Flow, Specimen};
 use crate::math::gradient::Gradient;
 use crate::math::integrator::{Rates, integrate};
 use crate::math::real::{Real, Work};
@@ -50,12 +50,14 @@ pub struct Step {
     dt: f64,
 }
 
-/// Where a body is; NaN where nobody knows.
-fn place(pieces: &[Stretch], time: f64) -> Vec3<f64> {
-    let later = pieces.partition_point(|stretch| stretch.piece.start <= time);
+/// Where a body is at a time that is the same in all lanes; NaN where nobody knows.
+#[inline(always)]
+fn place<T: Real>(pieces: &[Stretch], time: T) -> Vec3<T> {
+    let now = time.lane(0);
+    let later = pieces.partition_point(|stretch| stretch.piece.start <= now);
     match pieces.get(later.saturating_sub(1)) {
-        Some(stretch) if stretch.piece.covers(time) => stretch.piece.position(time),
-        _ => [f64::NAN; 3],
+        Some(stretch) if stretch.piece.covers(now) => stretch.piece.position(time),
+        _ => [T::splat(f64::NAN); 3],
     }
 }
 
@@ -63,11 +65,17 @@ impl<S: AsRef<[Stretch]>> PerturbedTwoBody<S> {
     /// Gravity of all at `time`, m/s².
     #[inline(always)]
     fn gravity<T: Real>(&self, time: f64, r: Vec3<T>) -> Vec3<T> {
+        self.gravity_about(r, |pieces| splat(place(pieces, time)))
+    }
+
+    /// The same, whoever says where the bodies are.
+    #[inline(always)]
+    fn gravity_about<T: Real>(&self, r: Vec3<T>, body: impl Fn(&[Stretch]) -> Vec3<T>) -> Vec3<T> {
         let mut pull = self.planet.field().acceleration(r);
         let mut all = self.bodies.as_ref();
         while let Some(first) = all.first() {
             let (own, others) = all.split_at(first.left.clamp(1, all.len()));
-            let from_body = sub(r, splat(place(own, time)));
+            let from_body = sub(r, body(own));
             let field = Field { mu: first.mu, flattening: 0.0 };
             pull = add(pull, field.difference(from_body, r));
             all = others;
@@ -145,6 +153,15 @@ impl<T: Real, S: AsRef<[Stretch]>> DynamicsModel<T, 6> for PerturbedTwoBody<S> {
     #[inline(always)]
     fn process_noise(&self, step: &Step, state: &[T; 6]) -> [[T; 6]; 6] {
         accumulate(&Along { model: self, start: step.time }, state, step.dt, self.planet.acceleration_psd)
+    }
+}
+
+impl<T: Real, S: AsRef<[Stretch]>> Flow<T, 6> for PerturbedTwoBody<S> {
+    #[inline(always)]
+    fn rates(&self, time: T, state: &[T; 6], control: [T; 3]) -> [T; 6] {
+        let [x, y, z, u, v, w] = *state;
+        let [a, b, c] = add(self.gravity_about([x, y, z], |pieces| place(pieces, time)), control);
+        [u, v, w, a, b, c]
     }
 }
 

@@ -16,13 +16,14 @@ use num_traits::Float;
 
 use super::disturbance::{Path, accumulate};
 use super::field::Field;
+use super::flow::known_orbit;
 use super::lvlh::Frame;
 use super::two_body::{TOLERANCE, TwoBody};
-use super::{DynamicsModel, Specimen};
+use super::{DynamicsModel, Flow, Specimen};
 use crate::math::gradient::Gradient;
 use crate::math::integrator::{Rates, integrate};
 use crate::math::real::{Real, Work};
-use crate::math::vec3::{Vec3, add, dot, rotate_transposed, splat, sub};
+use crate::math::vec3::{Vec3, add, dot, rotate_transposed, sub};
 
 /// Where the chaser was.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -101,10 +102,10 @@ impl<S: AsRef<[Fix]>> RelativeTwoBody<S> {
 
 /// Separation and its rate in inertial axes of a relative state in the frame of a target that is itself to be found.
 #[inline(always)]
-fn separation<T: Real>(field: &Field, chaser: &[f64; 6], state: &[T; 6]) -> (Vec3<T>, Vec3<T>) {
-    let (r, v) = (splat(three(chaser, 0)), splat(three(chaser, 3)));
+fn separation<T: Real>(field: &Field, chaser: &[T; 6], state: &[T; 6], rounds: usize) -> (Vec3<T>, Vec3<T>) {
+    let (r, v) = (three(chaser, 0), three(chaser, 3));
     let (mut d, mut w) = ([T::zero(); 3], [T::zero(); 3]);
-    for _ in 0..rounds(chaser, state) {
+    for _ in 0..rounds {
         let (place, motion) = (sub(r, d), sub(v, w));
         (d, w) = Frame::new(place, motion, field.acceleration(place)).apart(state);
     }
@@ -138,8 +139,9 @@ impl<S: AsRef<[Fix]>> RelativeTwoBody<S> {
             return *state;
         }
         let field = self.planet.field();
-        let (d, w) = separation(&field, &step.chaser, state);
-        let [x, y, z, u, v, s] = step.chaser.map(T::splat);
+        let chaser = step.chaser.map(T::splat);
+        let (d, w) = separation(&field, &chaser, state, rounds(&step.chaser, state));
+        let [x, y, z, u, v, s] = chaser;
         let start = [x, y, z, u, v, s, d[0], d[1], d[2], w[0], w[1], w[2]];
         let pace = field.pace(&step.chaser);
         let pair = Pair { field, control, free: control == [T::zero(); 3], pace };
@@ -174,6 +176,41 @@ impl<T: Real, S: AsRef<[Fix]>> DynamicsModel<T, 6> for RelativeTwoBody<S> {
     #[inline(always)]
     fn process_noise(&self, step: &Step, state: &[T; 6]) -> [[T; 6]; 6] {
         accumulate(&Along { model: self, step }, state, step.dt, self.planet.acceleration_psd)
+    }
+}
+
+/// A vector that moves.
+#[inline(always)]
+fn moving<T: Real>(v: Vec3<T>, rate: Vec3<T>) -> Vec3<Gradient<T, 1>> {
+    let mut out = v.map(Gradient::constant);
+    for i in 0..3 {
+        out[i].slope = [rate[i]];
+    }
+    out
+}
+
+impl<T: Real, S: AsRef<[Fix]>> Flow<T, 6> for RelativeTwoBody<S> {
+    /// Under a control the target's frame, taken as that of a free orbit, turns a little otherwise than it says.
+    const MECHANICAL: bool = false;
+
+    /// The derivative in time of what is seen from the target's frame.
+    #[inline(always)]
+    fn rates(&self, time: T, state: &[T; 6], control: [T; 3]) -> [T; 6] {
+        let field = self.planet.field();
+        let chaser = known_orbit(&self.planet, |t| self.chaser_at(t), time);
+        // Derivatives of high order lag behind the value by a few rounds.
+        let rounds = 2 * rounds(&chaser.map(|x| x.lane(0)), state);
+        let (d, w) = separation(&field, &chaser, state, rounds);
+        let (place, motion) = (sub(three(&chaser, 0), d), sub(three(&chaser, 3), w));
+        let mut apart = field.difference(three(&chaser, 0), d);
+        if control != [T::zero(); 3] {
+            apart = add(apart, rotate_transposed(&Frame::new(place, motion, [T::zero(); 3]).dcm, control));
+        }
+        // The chaser's orbit does not feel the control: the other end of the separation does.
+        let target = moving(place, motion);
+        let turning = sub(field.acceleration(three(&chaser, 0)), apart);
+        let frame = Frame::new(target, moving(motion, turning), field.acceleration(target));
+        frame.relative(moving(d, w), moving(w, apart)).map(|x| x.slope[0])
     }
 }
 

@@ -6,7 +6,7 @@
 //! out.
 use super::disturbance::{Path, accumulate};
 use super::field::Field;
-use super::{DynamicsModel, Specimen, kepler};
+use super::{DynamicsModel, Flow, Specimen, kepler};
 use crate::math::gradient::Gradient;
 use crate::math::integrator::{Rates, integrate};
 use crate::math::real::{Real, Work};
@@ -163,6 +163,15 @@ impl<T: Real> Path<T> for TwoBody {
     #[inline(always)]
     fn gravity(&self, _time: f64, r: Vec3<Gradient<T, 3>>) -> Option<Vec3<Gradient<T, 3>>> {
         Some(self.field().acceleration(r))
+    }
+}
+
+impl<T: Real> Flow<T, 6> for TwoBody {
+    #[inline(always)]
+    fn rates(&self, _time: T, state: &[T; 6], control: [T; 3]) -> [T; 6] {
+        let [x, y, z, u, v, w] = *state;
+        let [a, b, c] = self.field().acceleration([x, y, z]);
+        [u, v, w, a + control[0], b + control[1], c + control[2]]
     }
 }
 

@@ -11,10 +11,12 @@
 use num_traits::Float;
 
 use super::disturbance::{Path, accumulate, respond};
+use super::flow::known_orbit;
 use super::lvlh::Frame;
 use super::two_body::TwoBody;
-use super::{DynamicsModel, Specimen, kepler};
+use super::{DynamicsModel, Flow, Specimen, kepler};
 use crate::math::real::Real;
+use crate::math::vec3::dot;
 
 /// The target's orbit and the disturbance.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,11 +52,15 @@ impl YamanakaAnkersen {
         kepler::propagate(self.mu, time, &start, kepler::anomaly(self.mu, time, &start))
     }
 
+    /// What the target goes round.
+    fn planet(&self) -> TwoBody {
+        TwoBody { mu: self.mu, j2: 0.0, radius: 0.0, acceleration_psd: 0.0 }
+    }
+
     /// `Φ` from `time` on.
     fn phi(&self, time: f64, dt: f64) -> [[f64; 6]; 6] {
-        let planet = TwoBody { mu: self.mu, j2: 0.0, radius: 0.0, acceleration_psd: 0.0 };
         let start = self.target(time);
-        let (end, psi) = DynamicsModel::<f64, 6>::transition(&planet, &dt, &start, [0.0; 3]);
+        let (end, psi) = DynamicsModel::<f64, 6>::transition(&self.planet(), &dt, &start, [0.0; 3]);
         let frame = |[x, y, z, u, v, w]: [f64; 6]| Frame::new([x, y, z], [u, v, w], [0.0; 3]);
         let (before, after) = (frame(start), frame(end));
         let mut phi = [[0.0; 6]; 6];
@@ -135,6 +141,29 @@ impl<T: Real> DynamicsModel<T, 6> for YamanakaAnkersen {
     #[inline(always)]
     fn process_noise(&self, step: &Step, _state: &[T; 6]) -> [[T; 6]; 6] {
         splat(&step.noise)
+    }
+}
+
+impl<T: Real> Flow<T, 6> for YamanakaAnkersen {
+    /// `ẍ = (Ω² − n²) x + 2Ωż + Ω'z`, `ÿ = −n² y`, `z̈ = (Ω² + 2n²) z − 2Ωẋ − Ω'x`, with `n² = μ/R³`, `Ω = h/R²` of the target,
+    /// and the control.
+    #[inline(always)]
+    fn rates(&self, time: T, state: &[T; 6], control: [T; 3]) -> [T; 6] {
+        let [px, py, _, vx, vy, _] = known_orbit(&self.planet(), |t| self.target(t), time);
+        let inverse = px.mul_add(px, py * py).recip();
+        let pull = T::splat(self.mu) * inverse * inverse.sqrt();
+        let turn = px.mul_add(vy, -(py * vx)) * inverse;
+        let slower = T::splat(-2.0) * turn * px.mul_add(vx, py * vy) * inverse;
+        let [x, y, z, u, v, w] = *state;
+        let (square, twice) = (turn * turn, turn + turn);
+        [
+            u,
+            v,
+            w,
+            dot([square - pull, twice, slower], [x, w, z]) + control[0],
+            control[1] - pull * y,
+            dot([square + pull + pull, -twice, -slower], [z, u, x]) + control[2],
+        ]
     }
 }
 
