@@ -136,6 +136,16 @@ def lie_matrix(
     context: dict[str, Any],
     /,
 ) -> _Floats | None: ...
+@final
+class LieStudy:
+    """A model, a sensor and units, read once."""
+
+    @staticmethod
+    def of(
+        name: str, parameters: Sequence[float], sensor: Any, scale: Sequence[float], pace: float, /
+    ) -> LieStudy | None: ...
+    def matrix(self, state: npt.ArrayLike, order: int, /) -> _Floats | None: ...
+
 def lie_inertial(
     model: StrapdownModel,
     sensors: tuple[Any, ...],

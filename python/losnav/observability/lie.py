@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from losnav.filters.foreign import needed
 from losnav.filters.step import told_to
 from losnav.navigation_state import NavState
 from losnav.observability import foreign
-from losnav.observability.units import POSE, Scale, mean_range, parts_of, state_units
+from losnav.observability.units import POSE, Scale, fixed_units, mean_range, parts_of, state_units
 from losnav.sensors.listed import NO_TURN, is_listed
 
 __all__ = ["MAX_ORDER", "lie_matrix"]
@@ -93,6 +94,10 @@ def lie_matrix(
     >>> [ln.observability.analyze(matrix[: 3 * k]).rank for k in (1, 2, 3, 4)]
     [2, 4, 5, 6]
     """
+    if scale is None and control is None and not context and time == 0.0:
+        quick = _at_once(dynamics, sensor, state, order)
+        if quick is not None:
+            return quick
     highest = _order(order)
     sensors = list(sensor) if isinstance(sensor, list | tuple) else [sensor]
     if not sensors:
@@ -119,6 +124,28 @@ _EXPANDED = (
 _NO_CONTROL = np.zeros(3)
 #: Parts of the tangent of everything a NavState holds.
 _LARGEST = parts_of(18) or ()
+
+
+def _at_once(dynamics: Any, sensor: Any, state: Any, order: int) -> FloatArray | None:
+    """A single state in the fixed units of its model, if that is what is asked."""
+    if type(dynamics) not in _EXPANDED or type(order) is not int or order < 0:
+        return None
+    try:
+        study = _study(dynamics, sensor)
+    except TypeError:
+        # A sequence of sensors.
+        return None
+    return None if study is None else study.matrix(state, order)
+
+
+@lru_cache(maxsize=32)
+def _study(dynamics: Any, sensor: Any) -> _core.LieStudy | None:
+    units = fixed_units(dynamics)
+    if units is None or dynamics.time_varying or not is_listed(sensor):
+        return None
+    length, time = units
+    sizes = [length] * 3 + [length / time] * 3
+    return _core.LieStudy.of(dynamics._engine_name, dynamics._parameters(), sensor, sizes, time)
 
 
 class _Asked:

@@ -10,7 +10,7 @@ from losnav._arrays import ArrayLike, FloatArray, finite, positive, vectors
 from losnav.constants import AU, SUN_MU
 from losnav.errors import InvalidInputError
 
-__all__ = ["POSE", "Scale", "canonical_units", "mean_range", "parts_of", "state_labels", "state_units"]
+__all__ = ["POSE", "Scale", "canonical_units", "fixed_units", "mean_range", "parts_of", "state_labels", "state_units"]
 
 #: What a caller may give as units; see :func:`losnav.observability.lie_matrix`.
 Scale: TypeAlias = "str | float | tuple[Any, Any] | ArrayLike | None"
@@ -141,7 +141,7 @@ def state_units(  # noqa: PLR0917
         if np.shape(unit) == (size,) and size != 2:
             return _components(unit, size), positive(pace, "scale[1]")
         return _composed(positive(unit, "scale[0]"), positive(pace, "scale[1]"), parts)
-    if np.ndim(scale):  # type: ignore[arg-type]
+    if np.ndim(scale):
         components = _components(scale, size)
         if parts is None or "velocity" not in parts:
             raise InvalidInputError("scale: expected a pair (sizes of the components, unit of time)")
@@ -188,6 +188,15 @@ def _orbit_size(dynamics: Any, position: FloatArray) -> FloatArray | None:
         return np.asarray(np.linalg.norm(np.atleast_2d(chaser)[0, :3]))
     axis = getattr(dynamics, "semi_major_axis", None)
     return position if axis is None else np.asarray(axis, dtype=float)
+
+
+def fixed_units(dynamics: Any) -> tuple[float, float] | None:
+    """Length and time that a model of an orbit has whatever the state; nothing if they depend on it."""
+    mu = getattr(dynamics, "mu", None)
+    if mu is None or hasattr(dynamics, "chaser") or hasattr(dynamics, "semi_major_axis"):
+        return None
+    length = _fixed_length(dynamics, mu)
+    return None if length is None else canonical_units(mu, length)
 
 
 def _fixed_length(dynamics: Any, mu: float) -> float | None:

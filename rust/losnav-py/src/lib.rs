@@ -55,7 +55,7 @@ mod _core {
     #[pymodule_export]
     use crate::inertial::InertialFilter;
     #[pymodule_export]
-    use crate::lie::lie_matrix;
+    use crate::lie::{LieStudy, lie_matrix};
     #[pymodule_export]
     use crate::lie_inertial::lie_inertial;
     #[pymodule_export]

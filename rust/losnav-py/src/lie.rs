@@ -299,7 +299,7 @@ fn matrices<M: Flowing<N>, const N: usize>(
     let mut data = vec![0.0; count * size];
     let work = |(chunk, out): (usize, &mut [f64])| {
         let first = chunk * CHUNK;
-        if question.order < SHORT {
+        if question.order < SHORT && question.sources.iter().all(|source| source.lanes) {
             many(Matrices::<M, N, SHORT> { model, question, first, out })
         } else {
             one(Matrices::<M, N, LONG> { model, question, first, out })
@@ -328,7 +328,8 @@ pub fn sources(sensors: &Bound<'_, PyTuple>, told: &Bound<'_, PyDict>) -> PyResu
     for sensor in sensors {
         let Some(source) = Source::read(&sensor)? else { return Ok(None) };
         if source.time_varying {
-            let text = "sensor: looks at something that moves by itself; its derivatives in time are not known";
+            let text =
+                "sensor: looks at something that moves by itself; its derivatives in time are not known";
             return Err(InvalidInputError::new_err(text));
         }
         sources.push(source.told(&context)?.unwrap_or(source));
@@ -421,6 +422,74 @@ pub fn lie_matrix<'py>(
     }
     losnav_core::dynamics! { choose }
     Err(choice_error("dynamics", "the listed models", name))
+}
+
+/// A listed model, a listed sensor and fixed units, read once: for who asks again and again at single states.
+#[pyclass(frozen, module = "losnav._core")]
+pub struct LieStudy {
+    name: String,
+    parameters: Vec<f64>,
+    sources: Vec<Source>,
+    scale: Vec<f64>,
+    pace: f64,
+}
+
+#[pymethods]
+impl LieStudy {
+    /// Nothing if the sensor is not a listed one, or needs more than the state.
+    #[staticmethod]
+    #[pyo3(signature = (name, parameters, sensor, scale, pace, /))]
+    fn of(
+        name: String,
+        parameters: Vec<f64>,
+        sensor: &Bound<'_, PyAny>,
+        scale: Vec<f64>,
+        pace: f64,
+    ) -> PyResult<Option<Self>> {
+        let source = Source::read(sensor)?.filter(|source| !source.time_varying && !source.needs_attitude);
+        let Some(source) = source else { return Ok(None) };
+        Ok(Some(Self { name, parameters, sources: vec![source], scale, pace }))
+    }
+
+    /// `(M (K + 1), N)`; nothing if an argument is not a single finite state and an order, or there is no such matrix: the
+    /// caller then says why.
+    #[pyo3(signature = (state, order, /))]
+    fn matrix<'py>(
+        &self,
+        py: Python<'py>,
+        state: &Bound<'py, PyAny>,
+        order: usize,
+    ) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let state = Floats::new(state, "state")?;
+        macro_rules! choose {
+            ($($listed:ident: $n:literal),* $(,)?) => {
+                $(if self.name == <$listed as DynamicsModel<f64, $n>>::NAME {
+                    let model = $listed::from_parameters(&self.parameters);
+                    let (Some(model), true, true) = (model, state.shape() == [$n], order <= MAX_ORDER) else {
+                        return Ok(None);
+                    };
+                    let table = |data, width| Table { data, width };
+                    let question = Question {
+                        sources: &self.sources,
+                        states: table(state.data(), $n),
+                        controls: table(&[0.0; 3], 3),
+                        attitudes: table(&UPRIGHT, 9),
+                        times: table(&[0.0], 1),
+                        scales: table(&self.scale, $n),
+                        paces: table(core::slice::from_ref(&self.pace), 1),
+                        order,
+                    };
+                    let Ok(data) = matrices::<$listed, $n>(&model, &question) else { return Ok(None) };
+                    if !data.iter().all(|value| value.is_finite()) {
+                        return Ok(None);
+                    }
+                    return convert::array(py, &[question.rows() * (order + 1), $n], data).map(Some);
+                })*
+            };
+        }
+        losnav_core::dynamics! { choose }
+        Ok(None)
+    }
 }
 
 /// The attitude of who needs none.
