@@ -22,7 +22,7 @@ sys.path.insert(0, str(ROOT))
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
-from benches import attitude, filters, growth, inertial, kernels, report, single  # noqa: E402
+from benches import attitude, filters, growth, inertial, kernels, lie, report, single  # noqa: E402
 
 RESULTS = ROOT / "benches" / "RESULTS.md"
 PICTURE = ROOT / "docs" / "images" / "growth.png"
@@ -53,6 +53,8 @@ def main(arguments=None):
     parts.append(attitude.section(quick, rounds))
     parts.append(_filter_section(quick, rounds))
     parts.append(_inertial_section(quick, rounds))
+    _say("Lie derivatives")
+    parts.append(lie.section(quick=quick, rounds=rounds))
     if not quick:
         parts.append(report.kernels(kernels.criterion(), kernels.instructions(), kernels.public_call()))
         parts.append(report.WHY)

@@ -15,6 +15,7 @@ __all__ = [
     "Filter",
     "GravityField",
     "InertialFilter",
+    "LieStudy",
     "PoseSolution",
     "Step",
     "StrapdownModel",
@@ -28,6 +29,10 @@ __all__ = [
     "dynamics_trajectory",
     "dynamics_transition",
     "fisher_information",
+    "lie_inertial",
+    "lie_matrix",
+    "lie_path",
+    "lie_view",
     "los_jacobian",
     "mrp_from_dcm",
     "mrp_from_quaternion",
@@ -136,6 +141,7 @@ def lie_matrix(
     context: dict[str, Any],
     /,
 ) -> _Floats | None: ...
+
 @final
 class LieStudy:
     """A model, a sensor and units, read once."""

@@ -10,7 +10,16 @@ from losnav._arrays import ArrayLike, FloatArray, finite, positive, vectors
 from losnav.constants import AU, SUN_MU
 from losnav.errors import InvalidInputError
 
-__all__ = ["POSE", "Scale", "canonical_units", "fixed_units", "mean_range", "parts_of", "state_labels", "state_units"]
+__all__ = [
+    "POSE",
+    "Scale",
+    "canonical_units",
+    "fixed_units",
+    "mean_range",
+    "parts_of",
+    "state_labels",
+    "state_units",
+]
 
 #: What a caller may give as units; see :func:`losnav.observability.lie_matrix`.
 Scale: TypeAlias = "str | float | tuple[Any, Any] | ArrayLike | None"

@@ -451,8 +451,7 @@ impl LieStudy {
         Ok(Some(Self { name, parameters, sources: vec![source], scale, pace }))
     }
 
-    /// `(M (K + 1), N)`; nothing if an argument is not a single finite state and an order, or there is no such matrix: the
-    /// caller then says why.
+    /// `(M (K + 1), N)`; nothing if that cannot be, and the caller says why.
     #[pyo3(signature = (state, order, /))]
     fn matrix<'py>(
         &self,
@@ -479,11 +478,10 @@ impl LieStudy {
                         paces: table(core::slice::from_ref(&self.pace), 1),
                         order,
                     };
-                    let Ok(data) = matrices::<$listed, $n>(&model, &question) else { return Ok(None) };
-                    if !data.iter().all(|value| value.is_finite()) {
-                        return Ok(None);
-                    }
-                    return convert::array(py, &[question.rows() * (order + 1), $n], data).map(Some);
+                    let found = matrices::<$listed, $n>(&model, &question).ok();
+                    let sound = found.filter(|data| data.iter().all(|value| value.is_finite()));
+                    let shape = [question.rows() * (order + 1), $n];
+                    return sound.map(|data| convert::array(py, &shape, data)).transpose();
                 })*
             };
         }

@@ -168,10 +168,7 @@ macro_rules! operation {
 operation!(Sum(a, b) -> Jet<T, C> {
     let (order, mut sum) = (a.order.min(b.order), *a);
     sum.len = a.len.max(b.len);
-    for k in 0..C {
-        if k >= b.len {
-            break;
-        }
+    for k in 0..b.len.min(C) {
         sum.coefficients[k] += b.coefficients[k];
     }
     sum.truncated(order)
@@ -180,10 +177,7 @@ operation!(Sum(a, b) -> Jet<T, C> {
 operation!(Difference(a, b) -> Jet<T, C> {
     let (order, mut sum) = (a.order.min(b.order), *a);
     sum.len = a.len.max(b.len);
-    for k in 0..C {
-        if k >= b.len {
-            break;
-        }
+    for k in 0..b.len.min(C) {
         sum.coefficients[k] -= b.coefficients[k];
     }
     sum.truncated(order)
@@ -197,10 +191,7 @@ operation!(Product(a, b) -> Jet<T, C> {
     let mut product = Jet { len, order, ..Jet::constant(a.coefficients[0] * b.coefficients[0]) };
     if a.len == 1 || b.len == 1 {
         let (factor, other) = if a.len == 1 { (a.coefficients[0], b) } else { (b.coefficients[0], a) };
-        for k in 1..C {
-            if k >= len {
-                break;
-            }
+        for k in 1..len.min(C) {
             product.coefficients[k] = factor * other.coefficients[k];
         }
         return product;
@@ -225,10 +216,7 @@ operation!(ProductSum(a, b, c) -> Jet<T, C> {
     let mut sum = Jet { len: len.max(c.len), ..*c };
     if a.len == 1 || b.len == 1 {
         let (factor, other) = if a.len == 1 { (a.coefficients[0], b) } else { (b.coefficients[0], a) };
-        for k in 0..C {
-            if k >= len {
-                break;
-            }
+        for k in 0..len.min(C) {
             sum.coefficients[k] = other.coefficients[k].mul_add(factor, sum.coefficients[k]);
         }
         return sum.truncated(order);

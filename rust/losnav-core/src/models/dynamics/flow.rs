@@ -1,7 +1,12 @@
 //! The equation of motion itself, and the path it leads along as a power series in time.
+use super::strapdown::{ImuSample, Strapdown};
 use super::{DynamicsModel, TwoBody};
 use crate::math::jets::Jet;
 use crate::math::real::Real;
+use crate::math::so3::{dcm_from_quaternion, quaternion_product};
+use crate::math::vec3::{Vec3, add, rotate_transposed, scale, splat, sub};
+use crate::models::gravity::Gravity;
+use crate::models::nav_state::NavState;
 use crate::models::state::State;
 
 /// Highest order of a series.
@@ -86,4 +91,25 @@ pub fn known_orbit<T: Real>(planet: &TwoBody, now: impl Fn(f64) -> [f64; 6], tim
         }
     }
     there
+}
+
+impl<T: Real, G: Gravity, const N: usize> Flow<T, N> for Strapdown<G> {
+    #[inline(always)]
+    fn rates(&self, _time: T, x: &NavState<T>, sample: ImuSample<T>) -> NavState<T> {
+        let force = sub(sample.specific_force, x.accelerometer_bias);
+        let rate = sub(sample.angular_rate, x.gyroscope_bias);
+        let push = add(rotate_transposed(&dcm_from_quaternion(x.attitude), force), x.acceleration);
+        // ½ q⊗[ω_b, 0] − ½ [ω, 0]⊗q.
+        let pure = |v: Vec3<T>| [v[0], v[1], v[2], T::zero()];
+        let own = quaternion_product(x.attitude, pure(rate));
+        let frame = quaternion_product(pure(splat(self.site.angular_velocity)), x.attitude);
+        let mut rates = NavState::origin();
+        rates.position = x.velocity;
+        rates.velocity = self.acceleration(x.position, x.velocity, push);
+        for i in 0..4 {
+            rates.attitude[i] = T::splat(0.5) * (own[i] - frame[i]);
+        }
+        rates.acceleration = scale(T::splat(-1.0 / self.noise.time_constant), x.acceleration);
+        rates
+    }
 }

@@ -14,7 +14,7 @@
 //! Left out: scale factors and misalignment of the unit, coning within a sample, motion of the body's pole.
 use num_traits::Float;
 
-use super::{DynamicsModel, Flow};
+use super::DynamicsModel;
 use crate::math::matrix::{Matrix, mirrored};
 use crate::math::real::{Real, Work};
 use crate::math::so3::{Quaternion, dcm_from_quaternion, exp, normalized, quaternion_product};
@@ -266,27 +266,6 @@ impl<G: Gravity> Strapdown<G> {
             drive(&mut q, density, t, &[(k, &one, 0, 1.0), (3, &one, 1, sign), (0, &one, 2, 1.0)]);
         }
         mirrored(&q)
-    }
-}
-
-impl<T: Real, G: Gravity, const N: usize> Flow<T, N> for Strapdown<G> {
-    #[inline(always)]
-    fn rates(&self, _time: T, x: &NavState<T>, sample: ImuSample<T>) -> NavState<T> {
-        let force = sub(sample.specific_force, x.accelerometer_bias);
-        let rate = sub(sample.angular_rate, x.gyroscope_bias);
-        let push = add(rotate_transposed(&dcm_from_quaternion(x.attitude), force), x.acceleration);
-        // ½ q⊗[ω_b, 0] − ½ [ω, 0]⊗q.
-        let pure = |v: Vec3<T>| [v[0], v[1], v[2], T::zero()];
-        let own = quaternion_product(x.attitude, pure(rate));
-        let frame = quaternion_product(pure(splat(self.site.angular_velocity)), x.attitude);
-        let mut rates = NavState::origin();
-        rates.position = x.velocity;
-        rates.velocity = self.acceleration(x.position, x.velocity, push);
-        for i in 0..4 {
-            rates.attitude[i] = T::splat(0.5) * (own[i] - frame[i]);
-        }
-        rates.acceleration = scale(T::splat(-1.0 / self.noise.time_constant), x.acceleration);
-        rates
     }
 }
 
