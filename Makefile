@@ -56,7 +56,7 @@ $(VENV)/installed: $(BIN)/python $(SOURCES)
 
 $(VENV)/installed-test: $(BIN)/python $(SOURCES)
 	$(BIN)/python -m pip install --quiet --editable ".[dev]"
-	-$(BIN)/python -m pip install --quiet opencv-python-headless poselib distributed pyerfa # peers: their tests skip without
+	-$(BIN)/python -m pip install --quiet opencv-python-headless poselib distributed pyerfa jplephem skyfield-data # peers: their tests skip without
 	@touch $@ $(VENV)/installed
 
 $(VENV)/installed-bench: $(BIN)/python $(SOURCES)

@@ -16,7 +16,10 @@ PAGE = REPOSITORY / "docs" / "conventions.md"
 
 # Subject of the table's line -> tests that would fail if it were broken, as file::function.
 TESTED = {
-    "units": ["tests/api/test_fuzz.py::test_unit_of_length_does_not_matter"],
+    "units": [
+        "tests/api/test_fuzz.py::test_unit_of_length_does_not_matter",
+        "tests/parity/test_sun_filter.py::test_the_filter_knows_no_units",
+    ],
     "vectors, batches": [
         "tests/api/test_shapes.py::test_conversions",
         "tests/api/test_shapes.py::test_los_functions",
@@ -44,6 +47,7 @@ TESTED = {
     "los": [
         "tests/parity/test_los_parity.py::test_predict_los",
         "tests/parity/test_pose_parity.py::test_mirror_pose_of_a_flipped_sign",
+        "tests/parity/test_celestial_sensors.py::test_the_default_is_the_geometric_direction",
     ],
     "camera": [
         "tests/parity/test_lander_sensors.py::test_axes_of_the_camera",
