@@ -9,7 +9,8 @@ import pytest
 from numpy.random import SeedSequence
 
 from losnav import scenarios
-from losnav.scenarios.small_body_landing.estimators import estimate, navigators
+from losnav.filters.inertial import InertialKalmanFilter
+from losnav.scenarios.small_body_landing.estimators import estimate, first_sigmas, navigators
 from losnav.scenarios.small_body_landing.sensing import measure
 from losnav.scenarios.small_body_landing.truth import fly
 
@@ -94,3 +95,18 @@ def test_considered_maps_are_consistent(scenario, measured):
     white = estimate(best, few, measured.flight.gravity)
     assert white.nees[:, 100:].mean() / 9 > 5
     assert end(made, slice(0, 3)) < 0.8 * end(white, slice(0, 3))
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_one_adaptive_tuning_serves_every_gravity(scenario, measured, estimates, share):
+    """Process noise that follows the innovations: at most 20 % off the fixed one that was tuned for it."""
+    tuned = next(n for n in navigators(scenario) if n.name == "EKF, tuned")
+    sigmas, flight = first_sigmas(scenario), measured.flight
+    model = tuned.model(measured, flight.gravity.scaled(1.0 - share), scenario.unit)
+    ekf = InertialKalmanFilter(model, measured.first(sigmas), np.diag(sigmas**2), adaptive=(0.01, 10.0, 30.0))
+    sensors = [(flight.camera(), measured.pixels), (flight.velocimeter, measured.velocity)]
+    log = ekf.run(flight.times, sensors, controls=measured.controls, substeps=10)
+    error = flight.state.minus(log.state, 9)[:, -10:]
+    for part in (slice(0, 3), slice(3, 6)):
+        rmse = np.sqrt(np.square(error[..., part]).sum(axis=-1).mean())
+        assert rmse < 1.2 * end(estimates["EKF, tuned", share], part)
