@@ -111,6 +111,17 @@ pub fn seen<T: Real>(
     Seen { direction, range, d_position: mul(&d_direction, &d_position), d_velocity: Some(d_velocity) }
 }
 
+#[inline(always)]
+fn visible<T: Real>(range: T) -> Result<(), ModelError> {
+    if !T::zero().lt(range).any() {
+        return Err(ModelError::AtTarget);
+    }
+    if !range.is_finite().any() {
+        return Err(ModelError::TargetTooFar);
+    }
+    Ok(())
+}
+
 /// Hands a direction measured as `los` in body axes to a sink.
 ///
 /// # Errors
@@ -123,12 +134,7 @@ pub fn hand_over<T: Real>(
     sigma: T,
     sink: &mut impl Sink<T>,
 ) -> Result<(), ModelError> {
-    if !T::zero().lt(seen.range).any() {
-        return Err(ModelError::AtTarget);
-    }
-    if !seen.range.is_finite().any() {
-        return Err(ModelError::TargetTooFar);
-    }
+    visible(seen.range)?;
     let predicted = rotate(dcm, seen.direction);
     let rows = Linearization {
         innovation: sub(los, predicted),
@@ -138,6 +144,29 @@ pub fn hand_over<T: Real>(
         sqrt_information: RootWeight::Diagonal([sigma.recip(); 3]),
     };
     sink.add_unit_vector(&rows, predicted);
+    Ok(())
+}
+
+/// Hands a direction over to a sink that does not look at its derivatives.
+///
+/// # Errors
+/// As [`hand_over`].
+#[inline(always)]
+pub fn hand_over_alone<T: Real>(
+    predicted: Vec3<T>,
+    range: T,
+    los: Vec3<T>,
+    sink: &mut impl Sink<T>,
+) -> Result<(), ModelError> {
+    visible(range)?;
+    let none = [[T::zero(); 3]; 3];
+    sink.add(&Linearization {
+        innovation: sub(los, predicted),
+        d_position: none,
+        d_velocity: None,
+        d_attitude: None,
+        sqrt_information: RootWeight::Diagonal([T::one(); 3]),
+    });
     Ok(())
 }
 

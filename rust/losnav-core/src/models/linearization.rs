@@ -125,6 +125,12 @@ pub trait Sink<T: Real> {
     /// Takes `M` rows.
     fn add<const M: usize>(&mut self, rows: &Linearization<T, M>);
 
+    /// Does it look at more than innovations?  If not, a sensor may leave out derivatives that cost it something.
+    #[inline(always)]
+    fn wants_derivatives(&self) -> bool {
+        true
+    }
+
     /// Takes a direction; override it to use the structure.
     #[inline(always)]
     fn add_direction(&mut self, direction: &Direction<T>, dcm: &Mat3<T>) {
@@ -206,6 +212,11 @@ impl<'a, T: Real> Innovations<'a, T> {
 }
 
 impl<T: Real> Sink<T> for Innovations<'_, T> {
+    #[inline(always)]
+    fn wants_derivatives(&self) -> bool {
+        false
+    }
+
     #[inline(always)]
     fn add<const M: usize>(&mut self, rows: &Linearization<T, M>) {
         self.write(&rows.innovation);

@@ -7,8 +7,8 @@
 use super::{Law, SensorModel, Specimen};
 use crate::error::ModelError;
 use crate::math::real::Real;
-use crate::math::vec3::{Vec3, splat};
-use crate::models::apparent::{Body, Corrections, hand_over, seen};
+use crate::math::vec3::{Vec3, dot, rotate, scale, splat};
+use crate::models::apparent::{Body, Corrections, hand_over, hand_over_alone, seen};
 use crate::models::kinematics::Kinematics;
 use crate::models::linearization::Sink;
 
@@ -39,6 +39,12 @@ impl<T: Real> SensorModel<T> for SunDirection<T> {
 
     #[inline(always)]
     fn linearize(&self, x: &Kinematics<T>, sink: &mut impl Sink<T>) -> Result<(), ModelError> {
+        if !sink.wants_derivatives() && !self.aberration {
+            let line = scale(-T::one(), x.position);
+            let range = dot(line, line).sqrt();
+            let predicted = rotate(&x.dcm, scale(range.recip(), line));
+            return hand_over_alone(predicted, range, self.los, sink);
+        }
         let seen = seen(x.position, x.velocity, &Body::origin(), self.corrections());
         hand_over(&seen, &x.dcm, self.los, self.sigma, sink)
     }
