@@ -12,6 +12,8 @@ demo: $(VENV)/installed
 	@echo
 	$(BIN)/losnav run relative-navigation --runs 100 --out $(OUT)/relative-navigation
 	@echo
+	$(BIN)/losnav run sun-line-of-sight --runs 100 --out $(OUT)/sun-line-of-sight
+	@echo
 	$(BIN)/losnav run small-body-landing --runs 10 --out $(OUT)/small-body-landing
 	@echo
 	$(BIN)/losnav run star-tracker --runs 100 --out $(OUT)/star-tracker

@@ -108,6 +108,7 @@ def test_what_is_named_exists(page):
 QUICK = {
     "landmark-landing": {"sampling": 43.0, "cold_times": (0.0, 300.0)},
     "relative-navigation": {"approach_duration": 6000.0},
+    "sun-line-of-sight": {"sampling": 36000.0},
     "small-body-landing": {
         "start_position": (60.0, -40.0, 300.0),
         "start_velocity": (-0.5, 0.4, -3.0),

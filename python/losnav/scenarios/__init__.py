@@ -32,6 +32,7 @@ NAMES: Final = (
 _REGISTRY: Final = {
     "landmark-landing": ("losnav.scenarios.landmark_landing", "LandmarkLanding"),
     "relative-navigation": ("losnav.scenarios.relative_navigation", "RelativeNavigation"),
+    "sun-line-of-sight": ("losnav.scenarios.sun_line_of_sight", "SunLineOfSight"),
     "small-body-landing": ("losnav.scenarios.small_body_landing", "SmallBodyLanding"),
     "star-tracker": ("losnav.scenarios.star_tracker", "StarTracker"),
 }
