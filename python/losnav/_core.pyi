@@ -1,7 +1,7 @@
 """Types of the private engine. Public names and their documentation live in the modules of losnav."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, final
+from typing import Any, TypeAlias, final
 
 import numpy as np
 import numpy.typing as npt
@@ -57,6 +57,8 @@ ISA: str
 
 _Floats = npt.NDArray[np.float64]
 _Integers = npt.NDArray[np.int64]
+# Of a dynamics model: a list of a few numbers, or an array of many.
+_Parameters: TypeAlias = Sequence[float] | _Floats
 
 # attitude
 
@@ -73,7 +75,7 @@ def rotation_error(dcm_true: npt.ArrayLike, dcm_estimate: npt.ArrayLike, /) -> _
 
 def dynamics_single(
     name: str,
-    parameters: Sequence[float],
+    parameters: _Parameters,
     question: int,
     state: npt.ArrayLike,
     control: npt.ArrayLike | None,
@@ -82,16 +84,16 @@ def dynamics_single(
     /,
 ) -> _Floats | None: ...
 def dynamics_propagate(
-    name: str, parameters: Sequence[float], state: _Floats, control: _Floats, dt: _Floats, time: _Floats, /
+    name: str, parameters: _Parameters, state: _Floats, control: _Floats, dt: _Floats, time: _Floats, /
 ) -> _Floats: ...
 def dynamics_transition(
-    name: str, parameters: Sequence[float], state: _Floats, control: _Floats, dt: _Floats, time: _Floats, /
+    name: str, parameters: _Parameters, state: _Floats, control: _Floats, dt: _Floats, time: _Floats, /
 ) -> _Floats: ...
 def dynamics_process_noise(
-    name: str, parameters: Sequence[float], state: _Floats, control: _Floats, dt: _Floats, time: _Floats, /
+    name: str, parameters: _Parameters, state: _Floats, control: _Floats, dt: _Floats, time: _Floats, /
 ) -> _Floats: ...
 def dynamics_trajectory(
-    name: str, parameters: Sequence[float], state: _Floats, control: _Floats, dt: _Floats, time: _Floats, /
+    name: str, parameters: _Parameters, state: _Floats, control: _Floats, dt: _Floats, time: _Floats, /
 ) -> _Floats: ...
 def sensor_single(
     name: str, parameters: tuple[_Floats, ...], state: npt.ArrayLike, dcm: npt.ArrayLike, /
@@ -344,7 +346,7 @@ class Filter:
     def __new__(
         cls,
         name: str | None,
-        parameters: Sequence[float],
+        parameters: _Parameters,
         size: int,
         form: str,
         iterations: int,

@@ -140,7 +140,8 @@ class Listed:
         """What the engine calls the model."""
         return type(self).__name__
 
-    def _parameters(self) -> list[float]:
+    def _parameters(self) -> list[float] | FloatArray:
+        """Numbers the engine makes the model of: a list of a few, or an array of many."""
         raise NotImplementedError
 
     def _check_span(self, start: FloatArray, end: FloatArray, name: str) -> None:

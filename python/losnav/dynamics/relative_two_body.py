@@ -94,8 +94,8 @@ class RelativeTwoBody(Listed):
         hold_flattening(self, self.j2, self.radius)
         table = np.column_stack([self.times, self.chaser]).ravel()
         planet = [self.mu, self.j2 or 0.0, self.radius or 0.0, self.acceleration_psd]
-        object.__setattr__(self, "_flat", [*planet, *table.tolist()])
+        object.__setattr__(self, "_flat", np.concatenate([planet, table]))
 
-    def _parameters(self) -> list[float]:
-        flat: list[float] = self.__dict__["_flat"]
+    def _parameters(self) -> FloatArray:
+        flat: FloatArray = self.__dict__["_flat"]
         return flat

@@ -74,8 +74,8 @@ class TwoBody(Listed):
         object.__setattr__(self, "third_bodies", bodies)
         object.__setattr__(self, "time_varying", bool(bodies))
         planet = [self.mu, self.j2 or 0.0, self.radius or 0.0, self.acceleration_psd]
-        pulls = [number for body in bodies for number in body.stretches().ravel().tolist()]
-        object.__setattr__(self, "_flat", planet + pulls)
+        pulls = [body.stretches().ravel() for body in bodies]
+        object.__setattr__(self, "_flat", np.concatenate([planet, *pulls]) if pulls else planet)
 
     def acceleration(self, position: ArrayLike, *, time: ArrayLike = 0.0) -> FloatArray:
         """Gravitational acceleration of the model.
@@ -112,8 +112,8 @@ class TwoBody(Listed):
     def _engine_name(self) -> str:
         return "PerturbedTwoBody" if self.third_bodies else "TwoBody"
 
-    def _parameters(self) -> list[float]:
-        flat: list[float] = self.__dict__["_flat"]
+    def _parameters(self) -> list[float] | FloatArray:
+        flat: list[float] | FloatArray = self.__dict__["_flat"]
         return flat
 
     def _check_span(self, start: FloatArray, end: FloatArray, name: str) -> None:

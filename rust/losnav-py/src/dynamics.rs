@@ -7,6 +7,7 @@ use losnav_core::models::dynamics::perturbed_two_body::Stretch;
 use losnav_core::models::dynamics::relative_two_body::Fix;
 use losnav_core::models::ephemeris::Piece;
 use pyo3::prelude::*;
+use pyo3::types::PyList;
 use rayon::prelude::*;
 
 use crate::convert::{self, Floats, ScalarOrArray};
@@ -223,6 +224,14 @@ impl Task for Trace<'_> {
     }
 }
 
+/// What a model's dataclass holds: a list of a few numbers, or an array of many.
+pub fn numbers(parameters: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
+    match parameters.cast_exact::<PyList>() {
+        Ok(list) => list.extract(),
+        Err(_) => Ok(Floats::new(parameters, "parameters")?.data().to_vec()),
+    }
+}
+
 /// Runs the task on the listed model of that name, without the GIL.
 fn with_model<'py>(
     py: Python<'py>,
@@ -270,13 +279,14 @@ fn ask<'py>(
 pub fn dynamics_single<'py>(
     py: Python<'py>,
     name: &str,
-    parameters: Vec<f64>,
+    parameters: &Bound<'py, PyAny>,
     question: u8,
     state: &Bound<'py, PyAny>,
     control: Option<&Bound<'py, PyAny>>,
     dt: &Bound<'py, PyAny>,
     time: &Bound<'py, PyAny>,
 ) -> PyResult<Option<Bound<'py, PyAny>>> {
+    let parameters = numbers(parameters)?;
     let state = Floats::new(state, "state")?;
     let control = control.map(|value| Floats::new(value, "control")).transpose()?;
     let ScalarOrArray::Scalar(dt) = ScalarOrArray::new(dt, "dt")? else { return Ok(None) };
@@ -317,13 +327,13 @@ pub fn dynamics_single<'py>(
 pub fn dynamics_propagate<'py>(
     py: Python<'py>,
     name: &str,
-    parameters: Vec<f64>,
+    parameters: &Bound<'py, PyAny>,
     state: &Bound<'py, PyAny>,
     control: &Bound<'py, PyAny>,
     dt: &Bound<'py, PyAny>,
     time: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    ask(py, name, &parameters, [state, control, dt, time], Some(Question::State))
+    ask(py, name, &numbers(parameters)?, [state, control, dt, time], Some(Question::State))
 }
 
 /// `(B, N, N)` transition matrices.
@@ -332,13 +342,13 @@ pub fn dynamics_propagate<'py>(
 pub fn dynamics_transition<'py>(
     py: Python<'py>,
     name: &str,
-    parameters: Vec<f64>,
+    parameters: &Bound<'py, PyAny>,
     state: &Bound<'py, PyAny>,
     control: &Bound<'py, PyAny>,
     dt: &Bound<'py, PyAny>,
     time: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    ask(py, name, &parameters, [state, control, dt, time], Some(Question::Transition))
+    ask(py, name, &numbers(parameters)?, [state, control, dt, time], Some(Question::Transition))
 }
 
 /// `(B, N, N)` process noise.
@@ -347,13 +357,13 @@ pub fn dynamics_transition<'py>(
 pub fn dynamics_process_noise<'py>(
     py: Python<'py>,
     name: &str,
-    parameters: Vec<f64>,
+    parameters: &Bound<'py, PyAny>,
     state: &Bound<'py, PyAny>,
     control: &Bound<'py, PyAny>,
     dt: &Bound<'py, PyAny>,
     time: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    ask(py, name, &parameters, [state, control, dt, time], Some(Question::Noise))
+    ask(py, name, &numbers(parameters)?, [state, control, dt, time], Some(Question::Noise))
 }
 
 /// `(B, T + 1, N)` states from `(B, N)`, `(B, T, 3)` controls and `(T,)` steps, the first at `time`.
@@ -362,11 +372,11 @@ pub fn dynamics_process_noise<'py>(
 pub fn dynamics_trajectory<'py>(
     py: Python<'py>,
     name: &str,
-    parameters: Vec<f64>,
+    parameters: &Bound<'py, PyAny>,
     state: &Bound<'py, PyAny>,
     control: &Bound<'py, PyAny>,
     dt: &Bound<'py, PyAny>,
     time: &Bound<'py, PyAny>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    ask(py, name, &parameters, [state, control, dt, time], None)
+    ask(py, name, &numbers(parameters)?, [state, control, dt, time], None)
 }

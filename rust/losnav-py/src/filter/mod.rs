@@ -98,7 +98,7 @@ impl Filter {
     fn new(
         py: Python<'_>,
         name: Option<&str>,
-        parameters: Vec<f64>,
+        parameters: &Bound<'_, PyAny>,
         size: usize,
         form: &str,
         iterations: u32,
@@ -107,6 +107,7 @@ impl Filter {
         gate: Option<Py<PyAny>>,
         relock_after: f64,
     ) -> PyResult<Self> {
+        let parameters = crate::dynamics::numbers(parameters)?;
         let engine = match form {
             "joseph" => in_form::<JosephForm>(name, &parameters, size)?,
             "ud" => in_form::<UdForm>(name, &parameters, size)?,
