@@ -403,7 +403,7 @@ class InertialFilter:
         consider: Sequence[int],
         bounds: Sequence[float] | None,
         relock_after: float,
-        predictive: tuple[float, bool] | None,
+        predictive: tuple[float, bool, bool] | None,
         adaptive: tuple[float, float, float] | None,
         /,
     ) -> InertialFilter: ...

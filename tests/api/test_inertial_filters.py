@@ -55,6 +55,8 @@ def flight():
 @pytest.mark.parametrize("options", [{}, {"gate": 0.999}, {"iterations": 3, "underweighting": 0.2}])
 def test_an_arc_is_a_loop_of_steps(flight, kind, options):
     pixels, velocities, (force, rate) = flight
+    if kind is ln.PredictiveFilter and "gate" in options:
+        options = {**options, "expectation": "series"}
     ekf = made(kind, **options)
     looks = [(CAMERA, pixels), (VELOCIMETER, velocities)]
     log = ekf.copy().run(hover.TIMES, looks, (force, rate), substeps=hover.SUBSTEPS)
@@ -282,6 +284,7 @@ def test_what_is_refused_later(flight):
         (lambda: ekf.run(hover.TIMES, [], (force, rate), substeps=0), "substeps"),
         (lambda: ekf.run([1.0], [VELOCIMETER]), "measurements"),
         (lambda: ln.PredictiveFilter(hover.model(), hover.START, SIX, weight=-1.0), "weight"),
+        (lambda: ln.PredictiveFilter(hover.model(), hover.START, SIX, expectation="lie"), "expectation"),
         (
             lambda: ln.filters.InertialKalmanFilter(hover.model(), hover.START, SIX, adaptive=(2, 1, 5)),
             "adaptive",

@@ -91,7 +91,7 @@ class InertialKalmanFilter(ExtendedKalmanFilter):
         covariance: ArrayLike,
         options: dict[str, Any],
         time: float,
-        predictive: tuple[float, bool] | None,
+        predictive: tuple[float, bool, bool] | None,
     ) -> None:
         if not isinstance(state, NavState) or len(state.shape) > 1:
             got = f"shape {state.shape}" if isinstance(state, NavState) else type(state).__name__

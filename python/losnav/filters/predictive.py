@@ -43,6 +43,10 @@ class PredictiveFilter(InertialKalmanFilter):
         explains the measurements.
     accounted : bool
         Is the uncertainty of ``d`` added to the covariance? The published filter does not.
+    expectation : {"integrated", "series"}
+        What ``e`` is measured against: the prediction itself, all samples of the unit in it; or, as published,
+        ``h + sum T^k/k! L_f^k h`` at the epoch before, under the mean of the samples. They differ by ``T^3`` in
+        pixels and ``T^2`` in velocity.
     gate, relock_after, iterations, underweighting, form, consider, time
         As for :class:`losnav.ExtendedKalmanFilter`.
 
@@ -76,6 +80,7 @@ class PredictiveFilter(InertialKalmanFilter):
         *,
         weight: float = 1e4,
         accounted: bool = False,
+        expectation: str = "integrated",
         gate: float | None = None,
         relock_after: int | None = 3,
         iterations: int = 1,
@@ -94,9 +99,11 @@ class PredictiveFilter(InertialKalmanFilter):
             "form": form,
             "consider": consider,
         }
-        stage = _weight(weight), bool(accounted)
+        if expectation not in {"integrated", "series"}:
+            raise InvalidInputError(f'expectation: expected "integrated" or "series", got {expectation!r}')
+        stage = _weight(weight), bool(accounted), expectation == "series"
         options = checked(given, dynamics.state_size)
-        options.update(adaptive=None, weight=stage[0], accounted=stage[1])
+        options.update(adaptive=None, stage=stage)
         self._begin(dynamics, state, covariance, options, time, stage)
 
     @property
@@ -130,8 +137,7 @@ class PredictiveFilter(InertialKalmanFilter):
         return list(steps)
 
     def _anew(self, dynamics: Any, state: NavState, options: dict[str, Any], time: float) -> None:
-        stage = options["weight"], options["accounted"]
-        self._begin(dynamics, state, unit_covariance(dynamics, state), options, time, stage)
+        self._begin(dynamics, state, unit_covariance(dynamics, state), options, time, options["stage"])
 
 
 def _weight(value: Any) -> float:

@@ -49,6 +49,8 @@ pub struct Belief {
     /// Since the model's error was last estimated, s; that error, m/s².
     pub since: f64,
     pub model_error: [f64; 3],
+    /// The interval since then, see [`literal`](super::literal): empty unless it is needed.
+    pub start: Vec<f64>,
     /// What the spectral density of the acceleration is multiplied by, and the mean of NIS over degrees of freedom.
     pub adapted: [f64; 2],
 }
@@ -70,6 +72,7 @@ pub struct Craft<V: Lanes, F: InertialForm, const N: usize> {
     pub map: Vec<Mapped>,
     pub since: f64,
     pub model_error: [f64; 3],
+    pub start: Vec<f64>,
     pub adapted: [f64; 2],
 }
 
@@ -108,6 +111,7 @@ impl<V: Lanes, F: InertialForm, const N: usize> Craft<V, F, N> {
             map: belief.map.clone(),
             since: belief.since,
             model_error: belief.model_error,
+            start: belief.start.clone(),
             adapted: belief.adapted,
         }
     }
@@ -131,6 +135,7 @@ impl<V: Lanes, F: InertialForm, const N: usize> Craft<V, F, N> {
         belief.map = self.map;
         belief.since = self.since;
         belief.model_error = self.model_error;
+        belief.start = self.start;
         belief.adapted = self.adapted;
     }
 

@@ -15,6 +15,8 @@ use losnav_core::models::state::State;
 
 use super::belief::{Craft, LANDMARK, Mapped};
 use super::form::InertialForm;
+use super::literal;
+use super::travel::Predictive;
 use crate::dispatch::Lanes;
 use crate::filter::{Settings, Source};
 use crate::gravity::AnyGravity;
@@ -54,12 +56,12 @@ pub struct Answer<'a> {
 }
 
 /// Has a sensor say all it has to say at one place.
-struct Speak<'a, V> {
-    source: &'a Source,
-    z: &'a [V],
-    at: Kinematics<V>,
-    rays: &'a mut [Ray<V>],
-    innovation: &'a mut [V],
+pub struct Speak<'a, V> {
+    pub source: &'a Source,
+    pub z: &'a [V],
+    pub at: Kinematics<V>,
+    pub rays: &'a mut [Ray<V>],
+    pub innovation: &'a mut [V],
 }
 
 /// The listener.
@@ -80,7 +82,7 @@ impl<V: Real> Law<V> for Listen<'_, V> {
     }
 }
 
-impl<V: Lanes> Work for Speak<'_, V> {
+impl<V: Real> Work for Speak<'_, V> {
     type Output = Result<usize, ModelError>;
 
     #[inline(always)]
@@ -347,14 +349,19 @@ impl<V: Lanes, F: InertialForm, const N: usize> Craft<V, F, N> {
     pub fn correct_model<'a>(
         &mut self,
         looks: impl Iterator<Item = (Sight<'a>, Vec<V>)>,
-        weight: f64,
-        accounted: bool,
+        stage: &Predictive,
+        model: &Strapdown<AnyGravity>,
     ) -> Result<(), ModelError> {
         let zero = [V::zero(); N];
         let mut all: Vec<Ray<V>> = Vec::new();
+        let start = core::mem::take(&mut self.start);
+        let path = if stage.literal { literal::path(model, &start) } else { None };
         for (sight, z) in looks {
             let mut innovation = vec![V::zero(); sight.source.rows];
             let mut rays = self.rays(&sight, None, &z, (&zero, &[]), &mut innovation)?;
+            if let Some(path) = &path {
+                literal::replace(sight.source, &z, path, self.since, &mut rays)?;
+            }
             let places = self.places(&sight, &rays);
             let view = View { pose: None, landmarks: &places };
             let mut room = vec![V::zero(); self.cross.len()];
@@ -363,6 +370,7 @@ impl<V: Lanes, F: InertialForm, const N: usize> Craft<V, F, N> {
             all.extend(rays);
         }
         if all.is_empty() {
+            self.start = start;
             return Ok(());
         }
         let speaks = |ray: &Ray<V>| ray.velocity().iter().any(|v| v.lane(0) != 0.0);
@@ -371,12 +379,12 @@ impl<V: Lanes, F: InertialForm, const N: usize> Craft<V, F, N> {
             self.model_error = [0.0; 3];
             return Ok(());
         }
-        let (error, covariance) = model_error(&all, dt, weight);
+        let (error, covariance) = model_error(&all, dt, stage.weight);
         self.model_error = error.map(|v| v.lane(0));
         let (half, dt) = (V::splat(0.5 * dt * dt), V::splat(dt));
         self.state.position = scale_add(half, error, self.state.position);
         self.state.velocity = add(scale(dt, error), self.state.velocity);
-        if accounted {
+        if stage.accounted {
             let full = covariance.full();
             let mut p = F::matrix(&self.core);
             for (i, a) in [(0, half), (3, dt)] {

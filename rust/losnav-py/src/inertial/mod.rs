@@ -20,6 +20,7 @@ mod arcs;
 mod belief;
 mod engine;
 mod form;
+mod literal;
 mod look;
 mod travel;
 mod wide;
@@ -53,7 +54,7 @@ pub struct InertialFilter {
     time: f64,
 }
 
-/// Numbers of constants beside a state, to be stored: `cross, constants, poses, map, since, model error, adapted`.
+/// Numbers of constants beside a state, to be stored: `cross, constants, poses, map, since, model error, start, adapted`.
 type Beside = (
     Vec<f64>,
     Vec<f64>,
@@ -61,6 +62,7 @@ type Beside = (
     Vec<(usize, usize, usize, bool, [f64; 3])>,
     f64,
     [f64; 3],
+    Vec<f64>,
     [f64; 2],
 );
 
@@ -106,7 +108,7 @@ impl InertialFilter {
         consider: Vec<usize>,
         bounds: Option<[f64; BLOCK]>,
         relock_after: f64,
-        predictive: Option<(f64, bool)>,
+        predictive: Option<(f64, bool, bool)>,
         adaptive: Option<(f64, f64, f64)>,
     ) -> PyResult<Self> {
         let flags = (!consider.is_empty()).then(|| (0..size).map(|i| consider.contains(&i)).collect());
@@ -117,7 +119,11 @@ impl InertialFilter {
             settings: Settings { iterations, underweighting, consider: flags },
             bounds,
             relock_after,
-            predictive: predictive.map(|(weight, accounted)| Predictive { weight, accounted }),
+            predictive: predictive.map(|(weight, accounted, literal)| Predictive {
+                weight,
+                accounted,
+                literal,
+            }),
             adaptive: adaptive.map(|(least, most, memory)| Adaptive { least, most, memory }),
             slots: Vec::new(),
             beliefs: Vec::new(),
@@ -174,11 +180,20 @@ impl InertialFilter {
         let b = self.beliefs.get(index)?;
         let poses = b.poses.iter().map(|p| (p.key, p.at, p.pose)).collect();
         let map = b.map.iter().map(|m| (m.slot, m.landmark, m.at, m.estimated, m.correction)).collect();
-        Some((b.cross.clone(), b.constants.clone(), poses, map, b.since, b.model_error, b.adapted))
+        Some((
+            b.cross.clone(),
+            b.constants.clone(),
+            poses,
+            map,
+            b.since,
+            b.model_error,
+            b.start.clone(),
+            b.adapted,
+        ))
     }
 
     fn set_beside(&mut self, index: usize, beside: Beside) {
-        let (cross, constants, poses, map, since, model_error, adapted) = beside;
+        let (cross, constants, poses, map, since, model_error, start, adapted) = beside;
         if let Some(belief) = self.beliefs.get_mut(index) {
             belief.poses = poses.into_iter().map(|(key, at, pose)| Clone6 { key, at, pose }).collect();
             let mapped = |(slot, landmark, at, estimated, correction)| Mapped {
@@ -191,6 +206,7 @@ impl InertialFilter {
             belief.map = map.into_iter().map(mapped).collect();
             (belief.cross, belief.constants) = (cross, constants);
             (belief.since, belief.model_error, belief.adapted) = (since, model_error, adapted);
+            belief.start = start;
             self.next_key = belief.poses.iter().map(|pose| pose.key + 1).fold(self.next_key, u64::max);
         }
     }

@@ -7,6 +7,7 @@ use losnav_core::models::dynamics::strapdown::{ImuSample, Strapdown, StrapdownSt
 
 use super::belief::{Belief, Craft, NUMBERS};
 use super::form::InertialForm;
+use super::literal;
 use super::look::{Answer, MapPrior, Sight};
 use crate::dispatch::{LaneJob, Lanes};
 use crate::filter::{Runs, Series, Settings, Source};
@@ -34,6 +35,8 @@ pub struct Predictive {
     pub weight: f64,
     /// Is its uncertainty added to the covariance?
     pub accounted: bool,
+    /// Is the series in time expected, as published, and not what the prediction leads to?
+    pub literal: bool,
 }
 
 /// Process noise that follows the innovations.
@@ -137,6 +140,9 @@ impl<F: InertialForm, const N: usize> LaneJob for Flight<'_, F, N> {
                 model.noise.acceleration = self.model.noise.acceleration * craft.adapted[0];
                 for substep in 0..self.plan.substeps {
                     let sample = self.sample(epoch * self.plan.substeps + substep);
+                    if self.plan.predictive.is_some_and(|stage| stage.literal) {
+                        literal::note::<V, N>(&mut craft.start, &craft.state, &sample);
+                    }
                     craft.predict(&model, &step, sample);
                 }
                 if !craft.is_sound() && self.plan.strict {
@@ -194,7 +200,7 @@ impl<'a, F: InertialForm, const N: usize> Flight<'a, F, N> {
             let now = plan.channels.iter().filter(|channel| channel.known.is_none() && channel.key.is_none());
             let looks = now.map(|channel| (self.sight(channel), self.numbers(channel, epoch)));
             // Where a sensor is undefined the update says so.
-            let _ = craft.correct_model(looks, stage.weight, stage.accounted);
+            let _ = craft.correct_model(looks, &stage, self.model);
         }
         let (mut nis, mut dof) = (0.0, 0);
         // One place where measurements are taken, whenever they were exposed: the kernel is there once.
