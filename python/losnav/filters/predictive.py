@@ -44,9 +44,9 @@ class PredictiveFilter(InertialKalmanFilter):
     accounted : bool
         Is the uncertainty of ``d`` added to the covariance? The published filter does not.
     expectation : {"integrated", "series"}
-        What ``e`` is measured against: the prediction itself, all samples of the unit in it; or, as published,
-        ``h + sum T^k/k! L_f^k h`` at the epoch before, under the mean of the samples. They differ by ``T^3`` in
-        pixels and ``T^2`` in velocity.
+        What ``e`` is measured against: the prediction itself, all samples of the unit in it; or, as
+        published, ``h + sum T^k/k! L_f^k h`` at the epoch before, under the mean of the samples. They differ
+        by ``T^3`` in pixels and ``T^2`` in velocity.
     gate, relock_after, iterations, underweighting, form, consider, time
         As for :class:`losnav.ExtendedKalmanFilter`.
 
