@@ -141,10 +141,11 @@ impl<T: Real, const N: usize> JointCovariance<T, N> for Joint<'_, T, N> {
     #[inline(always)]
     fn times<const K: usize>(&self, row: &[T; K], beside: &Beside<T>, rest: &mut [T]) -> [T; N] {
         let mut f = [T::zero(); N];
-        for i in 0..N {
-            for j in 0..K {
-                if j < N {
-                    f[i] = self.state[i][j].mul_add(row[j], f[i]);
+        // Column by column, which by symmetry are rows: what lies side by side is multiplied side by side.
+        for j in 0..K {
+            if j < N {
+                for i in 0..N {
+                    f[i] = self.state[j][i].mul_add(row[j], f[i]);
                 }
             }
         }
@@ -208,32 +209,35 @@ impl<T: Real, const N: usize> Joint<'_, T, N> {
         gain: &[T; N],
         inverse: T,
     ) {
-        let mut out = *self.state;
-        for i in 0..N {
-            let mut left = gain[i];
-            for j in 0..K {
-                if j < N {
-                    let a = (-gain[i]).mul_add(f[j], self.state[i][j]);
-                    left = (-a).mul_add(row[j], left);
-                }
-            }
-            for b in 0..beside.count {
-                for c in 0..3 {
-                    let column = beside.first[b] + c;
-                    if let (Some(cross), Some(f_l)) = (self.cross.get(column), rest.get(column)) {
-                        let a = (-gain[i]).mul_add(*f_l, cross[i]);
-                        left = (-a).mul_add(beside.part[b][c], left);
-                    }
-                }
-            }
-            for j in 0..N {
-                // Not `i..N`: loops of one length are unrolled.
-                if j >= i {
-                    out[i][j] = left.mul_add(gain[j], (-gain[i]).mul_add(f[j], self.state[i][j]));
+        // k − A h, column by column as above.
+        let mut left = *gain;
+        for j in 0..K {
+            if j < N {
+                for i in 0..N {
+                    let a = (-gain[i]).mul_add(f[j], self.state[j][i]);
+                    left[i] = (-a).mul_add(row[j], left[i]);
                 }
             }
         }
+        for b in 0..beside.count {
+            for c in 0..3 {
+                let column = beside.first[b] + c;
+                if let (Some(cross), Some(f_l)) = (self.cross.get(column), rest.get(column)) {
+                    for i in 0..N {
+                        let a = (-gain[i]).mul_add(*f_l, cross[i]);
+                        left[i] = (-a).mul_add(beside.part[b][c], left[i]);
+                    }
+                }
+            }
+        }
+        let mut out = *self.state;
+        for i in 0..N {
+            for j in 0..N {
+                out[i][j] = left[i].mul_add(gain[j], (-gain[i]).mul_add(f[j], out[i][j]));
+            }
+        }
         self.settle_constants(row, beside, f, rest, gain, inverse);
+        // Rounding differs between the triangles: the upper one counts.
         *self.state = mirrored(&out);
     }
 

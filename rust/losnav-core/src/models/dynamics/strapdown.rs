@@ -172,36 +172,8 @@ impl<G: Gravity> Strapdown<G> {
         (moved, Middle { body, turn, gradient: stiffness, force, rate })
     }
 
-    /// `A = F dt` at the middle of the step.
-    #[inline(always)]
-    fn rates<T: Real, const N: usize>(&self, dt: f64, middle: &Middle<T>, forcing: &Mat3<T>) -> Matrix<T, N> {
-        let mut a = [[T::zero(); N]; N];
-        let (h, w) = (T::splat(dt), self.site.angular_velocity);
-        let coriolis: Mat3<T> = skew(splat(w.map(|c| -2.0 * dt * c)));
-        let spin = skew(scale(-h, middle.rate));
-        for i in 0..3 {
-            a[i][3 + i] = h;
-            for j in 0..3 {
-                a[3 + i][j] = h * middle.gradient[i][j];
-                a[3 + i][3 + j] = coriolis[i][j];
-                a[3 + i][6 + j] = h * forcing[i][j];
-                a[6 + i][6 + j] = spin[i][j];
-                if let Some(k) = biases(N) {
-                    a[3 + i][k + j] = -(h * middle.body[i][j]);
-                }
-            }
-            if let Some(k) = biases(N) {
-                a[6 + i][k + 3 + i] = -h;
-            }
-            if let Some(k) = acceleration(N) {
-                a[3 + i][k + i] = h;
-                a[k + i][k + i] = T::splat(-dt / self.noise.time_constant);
-            }
-        }
-        a
-    }
-
-    /// `Φ = I + A + A²/2 + A³/6`, its diagonal blocks that have a closed form in closed form.
+    /// `Φ = I + A + A²/2 + A³/6`, `A = F dt` at the middle of the step, block by block: `Φ = I + A M` with
+    /// `M = I + A/2 + A²/6`. Diagonal blocks that have a closed form have it.
     #[inline(always)]
     fn linearized<T: Real, const N: usize>(
         &self,
@@ -209,25 +181,54 @@ impl<G: Gravity> Strapdown<G> {
         middle: &Middle<T>,
         forcing: &Mat3<T>,
     ) -> Matrix<T, N> {
-        // I + A (I + A/2 (I + A/3)).
-        let a: Matrix<T, N> = self.rates(step.dt, middle, forcing);
-        let mut phi = a;
-        for k in [3.0, 2.0, 1.0] {
-            if k < 3.0 {
-                phi = applied(&a, &phi);
-            }
-            for i in 0..N {
-                for j in 0..N {
-                    phi[i][j] = T::splat(1.0 / k) * phi[i][j];
-                }
-                phi[i][i] += T::one();
-            }
+        let dt = step.dt;
+        let (h, half, sixth) = (T::splat(dt), T::splat(0.5), T::splat(1.0 / 6.0));
+        // The blocks of A in the row of velocity, and that of attitude.
+        let g = times(h, &middle.gradient);
+        let w: Mat3<T> = skew(splat(self.site.angular_velocity.map(|c| -2.0 * dt * c)));
+        let b = times(h, forcing);
+        let turn = skew(scale(-h, middle.rate));
+        let mut phi = [[T::zero(); N]; N];
+        for i in 0..N {
+            phi[i][i] = T::one();
         }
-        for i in 0..3 {
-            for j in 0..3 {
-                phi[6 + i][6 + j] = middle.turn[i][j];
-            }
-            if let Some(k) = acceleration(N) {
+        // M by its rows; of the row of position only what differs from the row of velocity of A.
+        let m_rr = plus(T::one(), &times(h * sixth, &g));
+        let m_rv = plus(half * h, &times(h * sixth, &w));
+        let m_ra = times(h * sixth, &b);
+        let m_vr = add3(&times(half, &g), &times(sixth, &mul(&w, &g)));
+        let square = add3(&times(h, &g), &mul(&w, &w));
+        let m_vv = plus(T::one(), &add3(&times(half, &w), &times(sixth, &square)));
+        let m_va = add3(&times(half, &b), &times(sixth, &add3(&mul(&w, &b), &mul(&b, &turn))));
+        let m_aa = plus(T::one(), &add3(&times(half, &turn), &times(sixth, &mul(&turn, &turn))));
+        put(&mut phi, 0, 0, &plus(T::one(), &times(h, &m_vr)));
+        put(&mut phi, 0, 3, &times(h, &m_vv));
+        put(&mut phi, 0, 6, &times(h, &m_va));
+        put(&mut phi, 3, 0, &add3(&mul(&g, &m_rr), &mul(&w, &m_vr)));
+        put(&mut phi, 3, 3, &plus(T::one(), &add3(&mul(&g, &m_rv), &mul(&w, &m_vv))));
+        put(&mut phi, 3, 6, &add3(&add3(&mul(&g, &m_ra), &mul(&w, &m_va)), &mul(&b, &m_aa)));
+        put(&mut phi, 6, 6, &middle.turn);
+        if let Some(k) = biases(N) {
+            let c = times(-h, &middle.body);
+            let m_rb = times(h * sixth, &c);
+            let m_vb = add3(&times(half, &c), &times(sixth, &mul(&w, &c)));
+            let m_vg = times(-(h * sixth), &b);
+            let m_ag = plus(-(half * h), &times(-(h * sixth), &turn));
+            put(&mut phi, 0, k, &times(h, &m_vb));
+            put(&mut phi, 3, k, &add3(&add3(&mul(&g, &m_rb), &mul(&w, &m_vb)), &c));
+            put(&mut phi, 0, k + 3, &times(h, &m_vg));
+            put(&mut phi, 3, k + 3, &add3(&mul(&w, &m_vg), &mul(&b, &m_ag)));
+            put(&mut phi, 6, k + 3, &times(-h, &m_aa));
+        }
+        if let Some(k) = acceleration(N) {
+            // A decays by a of its own: blocks are h, and h a.
+            let a = -dt / self.noise.time_constant;
+            let m_rd = T::splat(dt * dt / 6.0);
+            let m_vd = plus(T::splat(dt * (0.5 + a / 6.0)), &times(h * sixth, &w));
+            let m_dd = T::splat(dt * (1.0 + a / 2.0 + a * a / 6.0));
+            put(&mut phi, 0, k, &times(h, &m_vd));
+            put(&mut phi, 3, k, &plus(m_dd, &add3(&times(m_rd, &g), &mul(&w, &m_vd))));
+            for i in 0..3 {
                 phi[k + i][k + i] = T::splat(step.decay[1]);
             }
         }
@@ -235,37 +236,60 @@ impl<G: Gravity> Strapdown<G> {
     }
 
     /// `Q`: each source of noise through the chain of integrals it drives, `∫ sⁱ/i! sʲ/j! ds` of every pair of its links. A
-    /// sum of Gram matrices, so positive semidefinite.
+    /// sum of Gram matrices, so positive semidefinite. With `B` the forcing and `C` the axes of the body the chains are
+    ///
+    /// 1. acceleration: `v: 1, r: s`;  2. rate: `α: 1, v: B s, r: B s²/2`;  3. `b_a: 1, v: −C s, r: −C s²/2`;
+    /// 4. `b_g: 1, α: −s, v: −B s²/2, r: −B s³/6`;  5. `d: 1, v: s, r: s²/2`.
     #[inline(always)]
     fn noise<T: Real, const N: usize>(&self, dt: f64, body: &Mat3<T>, forcing: &Mat3<T>) -> Matrix<T, N> {
-        let t = dt.abs();
-        let mut q = [[T::zero(); N]; N];
-        let mut one = [[T::zero(); 3]; 3];
-        for i in 0..3 {
-            one[i][i] = T::one();
-        }
-        let sign = if dt < 0.0 { -1.0 } else { 1.0 };
-        let noise = &self.noise;
-        // A white acceleration: velocity at once, position by its integral. Backwards the odd powers change sign.
-        drive(&mut q, noise.acceleration, t, &[(3, &one, 0, 1.0), (0, &one, 1, sign)]);
-        drive(
-            &mut q,
-            noise.angular_rate,
-            t,
-            &[(6, &one, 0, 1.0), (3, forcing, 1, sign), (0, forcing, 2, 1.0)],
+        let Noise { acceleration: q, angular_rate: w, accelerometer_bias: a, gyroscope_bias: g, .. } =
+            self.noise;
+        let has_biases = if biases(N).is_some() { 1.0 } else { 0.0 };
+        let (a, g) = (has_biases * a, has_biases * g);
+        let d = if acceleration(N).is_some() {
+            2.0 * self.noise.deviation * self.noise.deviation / self.noise.time_constant
+        } else {
+            0.0
+        };
+        // Powers of |dt|; backwards the odd ones of a link change sign.
+        let (t, s) = (dt.abs(), if dt < 0.0 { -1.0 } else { 1.0 });
+        let (t2, t3) = (t * t, t * t * t);
+        let (t4, t5) = (t2 * t2, t2 * t3);
+        let driven = mul(forcing, &transpose(forcing));
+        let block = |one: f64, other: f64| plus(T::splat(one), &times(T::splat(other), &driven));
+        let mut out = [[T::zero(); N]; N];
+        put(&mut out, 0, 0, &block(q * t3 / 3.0 + (a + d) * t5 / 20.0, w * t5 / 20.0 + g * t5 * t2 / 252.0));
+        put(
+            &mut out,
+            0,
+            3,
+            &block(s * (q * t2 / 2.0 + (a + d) * t4 / 8.0), s * (w * t4 / 8.0 + g * t3 * t3 / 72.0)),
         );
+        put(&mut out, 3, 3, &block(q * t + (a + d) * t3 / 3.0, w * t3 / 3.0 + g * t5 / 20.0));
+        put(&mut out, 0, 6, &times(T::splat(w * t3 / 6.0 + g * t5 / 30.0), forcing));
+        put(&mut out, 3, 6, &times(T::splat(s * (w * t2 / 2.0 + g * t4 / 8.0)), forcing));
+        for i in 0..3 {
+            out[6 + i][6 + i] = T::splat(w * t + g * t3 / 3.0);
+        }
         if let Some(k) = biases(N) {
-            let links = [(k, &one, 0, 1.0), (3, body, 1, -sign), (0, body, 2, -1.0)];
-            drive(&mut q, noise.accelerometer_bias, t, &links);
-            let links =
-                [(k + 3, &one, 0, 1.0), (6, &one, 1, -sign), (3, forcing, 2, -1.0), (0, forcing, 3, -sign)];
-            drive(&mut q, noise.gyroscope_bias, t, &links);
+            put(&mut out, 0, k, &times(T::splat(-a * t3 / 6.0), body));
+            put(&mut out, 3, k, &times(T::splat(-s * a * t2 / 2.0), body));
+            put(&mut out, 0, k + 3, &times(T::splat(-s * g * t4 / 24.0), forcing));
+            put(&mut out, 3, k + 3, &times(T::splat(-g * t3 / 6.0), forcing));
+            for i in 0..3 {
+                out[6 + i][k + 3 + i] = T::splat(-s * g * t2 / 2.0);
+                out[k + i][k + i] = T::splat(a * t);
+                out[k + 3 + i][k + 3 + i] = T::splat(g * t);
+            }
         }
         if let Some(k) = acceleration(N) {
-            let density = 2.0 * noise.deviation * noise.deviation / noise.time_constant;
-            drive(&mut q, density, t, &[(k, &one, 0, 1.0), (3, &one, 1, sign), (0, &one, 2, 1.0)]);
+            for i in 0..3 {
+                out[i][k + i] = T::splat(d * t3 / 6.0);
+                out[3 + i][k + i] = T::splat(s * d * t2 / 2.0);
+                out[k + i][k + i] = T::splat(d * t);
+            }
         }
-        mirrored(&q)
+        mirrored(&out)
     }
 }
 
@@ -305,29 +329,36 @@ fn turn<T: Real>(q: Quaternion<T>, a: Vec3<T>, b: Vec3<T>) -> Quaternion<T> {
     quaternion_product(quaternion_product(exp(a), q), exp(b))
 }
 
-/// `A M`, by the entries of `A` that may differ from zero.
+/// `k m`.
 #[inline(always)]
-fn applied<T: Real, const N: usize>(a: &Matrix<T, N>, m: &Matrix<T, N>) -> Matrix<T, N> {
-    let mut out = [[T::zero(); N]; N];
-    for i in 0..N {
-        let (from, to) = match i {
-            0..3 => (3 + i, 4 + i),
-            3..6 => (0, N),
-            6..9 => (6, 9),
-            _ => (i, i + 1),
-        };
-        for k in from..to {
-            for j in 0..N {
-                out[i][j] = a[i][k].mul_add(m[k][j], out[i][j]);
-            }
-        }
-        if let (6..9, Some(b)) = (i, biases(N)) {
-            for j in 0..N {
-                out[i][j] = a[i][b + i - 3].mul_add(m[b + i - 3][j], out[i][j]);
-            }
+fn times<T: Real>(k: T, m: &Mat3<T>) -> Mat3<T> {
+    [scale(k, m[0]), scale(k, m[1]), scale(k, m[2])]
+}
+
+/// `a + b`.
+#[inline(always)]
+fn add3<T: Real>(a: &Mat3<T>, b: &Mat3<T>) -> Mat3<T> {
+    [add(a[0], b[0]), add(a[1], b[1]), add(a[2], b[2])]
+}
+
+/// `k I + m`.
+#[inline(always)]
+fn plus<T: Real>(k: T, m: &Mat3<T>) -> Mat3<T> {
+    let mut sum = *m;
+    for i in 0..3 {
+        sum[i][i] += k;
+    }
+    sum
+}
+
+/// Puts a block in its place.
+#[inline(always)]
+fn put<T: Real, const N: usize>(out: &mut Matrix<T, N>, row: usize, column: usize, block: &Mat3<T>) {
+    for i in 0..3 {
+        for j in 0..3 {
+            out[row + i][column + j] = block[i][j];
         }
     }
-    out
 }
 
 /// `C [f×]`, negated: how a turn of the body moves what its accelerometers show.
@@ -335,38 +366,6 @@ fn applied<T: Real, const N: usize>(a: &Matrix<T, N>, m: &Matrix<T, N>) -> Matri
 fn forcing<T: Real>(middle: &Middle<T>) -> Mat3<T> {
     let product = mul(&middle.body, &skew(middle.force));
     [scale(-T::one(), product[0]), scale(-T::one(), product[1]), scale(-T::one(), product[2])]
-}
-
-/// One link of a chain of integrals: first row, matrix, power of time, sign.
-type Link<'a, T> = (usize, &'a Mat3<T>, usize, f64);
-
-/// Adds, to the upper triangle, what a white noise of a density leaves in the links it drives.
-#[inline(always)]
-fn drive<T: Real, const N: usize>(q: &mut Matrix<T, N>, density: f64, t: f64, links: &[Link<'_, T>]) {
-    const FACTORIAL: [f64; 4] = [1.0, 1.0, 2.0, 6.0];
-    if density == 0.0 {
-        return;
-    }
-    for &(row, a, i, s) in links {
-        for &(column, b, j, u) in links {
-            if row > column {
-                continue;
-            }
-            let mut power = t;
-            for _ in 0..i + j {
-                power *= t;
-            }
-            let k = T::splat(density * s * u * power / (FACTORIAL[i] * FACTORIAL[j] * (i + j + 1) as f64));
-            let product = mul(a, &transpose(b));
-            for m in 0..3 {
-                for n in 0..3 {
-                    if row + m < N && column + n < N {
-                        q[row + m][column + n] = k.mul_add(product[m][n], q[row + m][column + n]);
-                    }
-                }
-            }
-        }
-    }
 }
 
 impl<T: Real, G: Gravity, const N: usize> DynamicsModel<T, N> for Strapdown<G> {
@@ -421,65 +420,77 @@ impl<T: Real, G: Gravity, const N: usize> DynamicsModel<T, N> for Strapdown<G> {
     /// Rows of attitude see attitude and gyroscopes alone, those of biases and acceleration themselves.
     #[inline(always)]
     fn carry(&self, _step: &StrapdownStep, phi: &Matrix<T, N>, p: &Matrix<T, N>) -> Matrix<T, N> {
-        let mut half = [[T::zero(); N]; N];
-        for i in 0..N {
-            half[i] = carried(phi, i, p);
+        // Rows of Φ P; of what only decays, its own row.
+        let mut half = *p;
+        for i in 0..6 {
+            half[i] = [T::zero(); N];
+            for k in 0..N {
+                for j in 0..N {
+                    half[i][j] = phi[i][k].mul_add(p[k][j], half[i][j]);
+                }
+            }
         }
-        // Column j of (Φ P) Φᵀ is row j of Φ times the transposed product.
-        let mut out = [[T::zero(); N]; N];
-        for i in 0..N {
-            for j in 0..N {
-                if j >= i {
-                    out[i][j] = element(phi, j, &half[i]);
+        for i in 6..9 {
+            half[i] = [T::zero(); N];
+            for k in 6..9 {
+                for j in 0..N {
+                    half[i][j] = phi[i][k].mul_add(p[k][j], half[i][j]);
+                }
+            }
+            if let Some(b) = biases(N) {
+                for k in b + 3..b + 6 {
+                    for j in 0..N {
+                        half[i][j] = phi[i][k].mul_add(p[k][j], half[i][j]);
+                    }
+                }
+            }
+        }
+        if let Some(d) = acceleration(N) {
+            for i in d..d + 3 {
+                for j in 0..N {
+                    half[i][j] = phi[i][i] * half[i][j];
+                }
+            }
+        }
+        // The same from the right. Columns of position and velocity are needed where rows are, those of attitude above it.
+        let mut out = half;
+        let mut dense = [[T::zero(); 6]; N];
+        for k in 0..N {
+            for j in 0..6 {
+                dense[k][j] = phi[j][k];
+            }
+        }
+        for i in 0..6 {
+            for j in 0..6 {
+                out[i][j] = T::zero();
+            }
+            for k in 0..N {
+                for j in 0..6 {
+                    out[i][j] = half[i][k].mul_add(dense[k][j], out[i][j]);
+                }
+            }
+        }
+        for i in 0..9 {
+            for j in 6..9 {
+                let mut sum = T::zero();
+                for k in 6..9 {
+                    sum = half[i][k].mul_add(phi[j][k], sum);
+                }
+                if let Some(b) = biases(N) {
+                    for k in b + 3..b + 6 {
+                        sum = half[i][k].mul_add(phi[j][k], sum);
+                    }
+                }
+                out[i][j] = sum;
+            }
+        }
+        if let Some(d) = acceleration(N) {
+            for i in 0..N {
+                for j in d..d + 3 {
+                    out[i][j] = half[i][j] * phi[j][j];
                 }
             }
         }
         mirrored(&out)
     }
-}
-
-/// Columns of row `i` of `Φ` that may differ from zero, but for its diagonal: from, to.
-#[inline(always)]
-const fn support(i: usize, n: usize) -> (usize, usize) {
-    match i {
-        0..6 => (0, n),
-        6..9 => (6, 9),
-        _ => (i, i + 1),
-    }
-}
-
-/// Row `i` of `Φ P`.
-#[inline(always)]
-fn carried<T: Real, const N: usize>(phi: &Matrix<T, N>, i: usize, p: &Matrix<T, N>) -> [T; N] {
-    let mut out = [T::zero(); N];
-    let (from, to) = support(i, N);
-    for k in from..to {
-        for j in 0..N {
-            out[j] = phi[i][k].mul_add(p[k][j], out[j]);
-        }
-    }
-    if let (6..9, Some(b)) = (i, biases(N)) {
-        for k in b + 3..b + 6 {
-            for j in 0..N {
-                out[j] = phi[i][k].mul_add(p[k][j], out[j]);
-            }
-        }
-    }
-    out
-}
-
-/// Row `i` of `Φ` times a vector.
-#[inline(always)]
-fn element<T: Real, const N: usize>(phi: &Matrix<T, N>, i: usize, v: &[T; N]) -> T {
-    let mut sum = T::zero();
-    let (from, to) = support(i, N);
-    for k in from..to {
-        sum = phi[i][k].mul_add(v[k], sum);
-    }
-    if let (6..9, Some(b)) = (i, biases(N)) {
-        for k in b + 3..b + 6 {
-            sum = phi[i][k].mul_add(v[k], sum);
-        }
-    }
-    sum
 }
