@@ -1,5 +1,6 @@
 //! Square matrices of any size as plain arrays, for kernels over any [`Real`].
 use super::real::Real;
+use super::vec3::Mat3;
 
 /// Rows of a square matrix.
 pub type Matrix<T, const N: usize> = [[T; N]; N];
@@ -42,4 +43,19 @@ pub fn congruence<T: Real, const N: usize>(a: &Matrix<T, N>, s: &Matrix<T, N>) -
         }
     }
     mirrored(&out)
+}
+
+/// Puts a block in its place.
+#[inline(always)]
+pub fn put_block<T: Real, const N: usize>(
+    out: &mut Matrix<T, N>,
+    row: usize,
+    column: usize,
+    block: &Mat3<T>,
+) {
+    for i in 0..3 {
+        for j in 0..3 {
+            out[row + i][column + j] = block[i][j];
+        }
+    }
 }

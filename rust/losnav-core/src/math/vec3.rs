@@ -76,6 +76,28 @@ pub fn transpose<T: Real>(a: &Mat3<T>) -> Mat3<T> {
     [[a[0][0], a[1][0], a[2][0]], [a[0][1], a[1][1], a[2][1]], [a[0][2], a[1][2], a[2][2]]]
 }
 
+/// `k m`.
+#[inline(always)]
+pub fn scaled<T: Real>(k: T, m: &Mat3<T>) -> Mat3<T> {
+    [scale(k, m[0]), scale(k, m[1]), scale(k, m[2])]
+}
+
+/// `a + b`.
+#[inline(always)]
+pub fn sum<T: Real>(a: &Mat3<T>, b: &Mat3<T>) -> Mat3<T> {
+    [add(a[0], b[0]), add(a[1], b[1]), add(a[2], b[2])]
+}
+
+/// `k I + m`.
+#[inline(always)]
+pub fn plus_diagonal<T: Real>(k: T, m: &Mat3<T>) -> Mat3<T> {
+    let mut sum = *m;
+    for i in 0..3 {
+        sum[i][i] += k;
+    }
+    sum
+}
+
 /// `[v×]`, the matrix with `[v×] u = v × u`.
 #[inline(always)]
 pub fn skew<T: Real>(v: Vec3<T>) -> Mat3<T> {

@@ -15,11 +15,12 @@
 use num_traits::Float;
 
 use super::DynamicsModel;
-use crate::math::matrix::{Matrix, mirrored};
+use crate::math::matrix::{Matrix, mirrored, put_block};
 use crate::math::real::{Real, Work};
 use crate::math::so3::{Quaternion, dcm_from_quaternion, exp, normalized, quaternion_product};
 use crate::math::vec3::{
-    Mat3, Vec3, add, cross, mul, rotate, rotate_transposed, scale, scale_add, skew, splat, sub, transpose,
+    Mat3, Vec3, add, cross, mul, plus_diagonal, rotate, rotate_transposed, scale, scale_add, scaled, skew,
+    splat, sub, sum, transpose,
 };
 use crate::models::gravity::Gravity;
 use crate::models::nav_state::{NavState, acceleration, biases};
@@ -184,50 +185,50 @@ impl<G: Gravity> Strapdown<G> {
         let dt = step.dt;
         let (h, half, sixth) = (T::splat(dt), T::splat(0.5), T::splat(1.0 / 6.0));
         // The blocks of A in the row of velocity, and that of attitude.
-        let g = times(h, &middle.gradient);
+        let g = scaled(h, &middle.gradient);
         let w: Mat3<T> = skew(splat(self.site.angular_velocity.map(|c| -2.0 * dt * c)));
-        let b = times(h, forcing);
+        let b = scaled(h, forcing);
         let turn = skew(scale(-h, middle.rate));
         let mut phi = [[T::zero(); N]; N];
         for i in 0..N {
             phi[i][i] = T::one();
         }
         // M by its rows; of the row of position only what differs from the row of velocity of A.
-        let m_rr = plus(T::one(), &times(h * sixth, &g));
-        let m_rv = plus(half * h, &times(h * sixth, &w));
-        let m_ra = times(h * sixth, &b);
-        let m_vr = add3(&times(half, &g), &times(sixth, &mul(&w, &g)));
-        let square = add3(&times(h, &g), &mul(&w, &w));
-        let m_vv = plus(T::one(), &add3(&times(half, &w), &times(sixth, &square)));
-        let m_va = add3(&times(half, &b), &times(sixth, &add3(&mul(&w, &b), &mul(&b, &turn))));
-        let m_aa = plus(T::one(), &add3(&times(half, &turn), &times(sixth, &mul(&turn, &turn))));
-        put(&mut phi, 0, 0, &plus(T::one(), &times(h, &m_vr)));
-        put(&mut phi, 0, 3, &times(h, &m_vv));
-        put(&mut phi, 0, 6, &times(h, &m_va));
-        put(&mut phi, 3, 0, &add3(&mul(&g, &m_rr), &mul(&w, &m_vr)));
-        put(&mut phi, 3, 3, &plus(T::one(), &add3(&mul(&g, &m_rv), &mul(&w, &m_vv))));
-        put(&mut phi, 3, 6, &add3(&add3(&mul(&g, &m_ra), &mul(&w, &m_va)), &mul(&b, &m_aa)));
-        put(&mut phi, 6, 6, &middle.turn);
+        let m_rr = plus_diagonal(T::one(), &scaled(h * sixth, &g));
+        let m_rv = plus_diagonal(half * h, &scaled(h * sixth, &w));
+        let m_ra = scaled(h * sixth, &b);
+        let m_vr = sum(&scaled(half, &g), &scaled(sixth, &mul(&w, &g)));
+        let square = sum(&scaled(h, &g), &mul(&w, &w));
+        let m_vv = plus_diagonal(T::one(), &sum(&scaled(half, &w), &scaled(sixth, &square)));
+        let m_va = sum(&scaled(half, &b), &scaled(sixth, &sum(&mul(&w, &b), &mul(&b, &turn))));
+        let m_aa = plus_diagonal(T::one(), &sum(&scaled(half, &turn), &scaled(sixth, &mul(&turn, &turn))));
+        put_block(&mut phi, 0, 0, &plus_diagonal(T::one(), &scaled(h, &m_vr)));
+        put_block(&mut phi, 0, 3, &scaled(h, &m_vv));
+        put_block(&mut phi, 0, 6, &scaled(h, &m_va));
+        put_block(&mut phi, 3, 0, &sum(&mul(&g, &m_rr), &mul(&w, &m_vr)));
+        put_block(&mut phi, 3, 3, &plus_diagonal(T::one(), &sum(&mul(&g, &m_rv), &mul(&w, &m_vv))));
+        put_block(&mut phi, 3, 6, &sum(&sum(&mul(&g, &m_ra), &mul(&w, &m_va)), &mul(&b, &m_aa)));
+        put_block(&mut phi, 6, 6, &middle.turn);
         if let Some(k) = biases(N) {
-            let c = times(-h, &middle.body);
-            let m_rb = times(h * sixth, &c);
-            let m_vb = add3(&times(half, &c), &times(sixth, &mul(&w, &c)));
-            let m_vg = times(-(h * sixth), &b);
-            let m_ag = plus(-(half * h), &times(-(h * sixth), &turn));
-            put(&mut phi, 0, k, &times(h, &m_vb));
-            put(&mut phi, 3, k, &add3(&add3(&mul(&g, &m_rb), &mul(&w, &m_vb)), &c));
-            put(&mut phi, 0, k + 3, &times(h, &m_vg));
-            put(&mut phi, 3, k + 3, &add3(&mul(&w, &m_vg), &mul(&b, &m_ag)));
-            put(&mut phi, 6, k + 3, &times(-h, &m_aa));
+            let c = scaled(-h, &middle.body);
+            let m_rb = scaled(h * sixth, &c);
+            let m_vb = sum(&scaled(half, &c), &scaled(sixth, &mul(&w, &c)));
+            let m_vg = scaled(-(h * sixth), &b);
+            let m_ag = plus_diagonal(-(half * h), &scaled(-(h * sixth), &turn));
+            put_block(&mut phi, 0, k, &scaled(h, &m_vb));
+            put_block(&mut phi, 3, k, &sum(&sum(&mul(&g, &m_rb), &mul(&w, &m_vb)), &c));
+            put_block(&mut phi, 0, k + 3, &scaled(h, &m_vg));
+            put_block(&mut phi, 3, k + 3, &sum(&mul(&w, &m_vg), &mul(&b, &m_ag)));
+            put_block(&mut phi, 6, k + 3, &scaled(-h, &m_aa));
         }
         if let Some(k) = acceleration(N) {
             // A decays by a of its own: blocks are h, and h a.
             let a = -dt / self.noise.time_constant;
             let m_rd = T::splat(dt * dt / 6.0);
-            let m_vd = plus(T::splat(dt * (0.5 + a / 6.0)), &times(h * sixth, &w));
+            let m_vd = plus_diagonal(T::splat(dt * (0.5 + a / 6.0)), &scaled(h * sixth, &w));
             let m_dd = T::splat(dt * (1.0 + a / 2.0 + a * a / 6.0));
-            put(&mut phi, 0, k, &times(h, &m_vd));
-            put(&mut phi, 3, k, &plus(m_dd, &add3(&times(m_rd, &g), &mul(&w, &m_vd))));
+            put_block(&mut phi, 0, k, &scaled(h, &m_vd));
+            put_block(&mut phi, 3, k, &plus_diagonal(m_dd, &sum(&scaled(m_rd, &g), &mul(&w, &m_vd))));
             for i in 0..3 {
                 phi[k + i][k + i] = T::splat(step.decay[1]);
             }
@@ -256,26 +257,31 @@ impl<G: Gravity> Strapdown<G> {
         let (t2, t3) = (t * t, t * t * t);
         let (t4, t5) = (t2 * t2, t2 * t3);
         let driven = mul(forcing, &transpose(forcing));
-        let block = |one: f64, other: f64| plus(T::splat(one), &times(T::splat(other), &driven));
+        let block = |one: f64, other: f64| plus_diagonal(T::splat(one), &scaled(T::splat(other), &driven));
         let mut out = [[T::zero(); N]; N];
-        put(&mut out, 0, 0, &block(q * t3 / 3.0 + (a + d) * t5 / 20.0, w * t5 / 20.0 + g * t5 * t2 / 252.0));
-        put(
+        put_block(
+            &mut out,
+            0,
+            0,
+            &block(q * t3 / 3.0 + (a + d) * t5 / 20.0, w * t5 / 20.0 + g * t5 * t2 / 252.0),
+        );
+        put_block(
             &mut out,
             0,
             3,
             &block(s * (q * t2 / 2.0 + (a + d) * t4 / 8.0), s * (w * t4 / 8.0 + g * t3 * t3 / 72.0)),
         );
-        put(&mut out, 3, 3, &block(q * t + (a + d) * t3 / 3.0, w * t3 / 3.0 + g * t5 / 20.0));
-        put(&mut out, 0, 6, &times(T::splat(w * t3 / 6.0 + g * t5 / 30.0), forcing));
-        put(&mut out, 3, 6, &times(T::splat(s * (w * t2 / 2.0 + g * t4 / 8.0)), forcing));
+        put_block(&mut out, 3, 3, &block(q * t + (a + d) * t3 / 3.0, w * t3 / 3.0 + g * t5 / 20.0));
+        put_block(&mut out, 0, 6, &scaled(T::splat(w * t3 / 6.0 + g * t5 / 30.0), forcing));
+        put_block(&mut out, 3, 6, &scaled(T::splat(s * (w * t2 / 2.0 + g * t4 / 8.0)), forcing));
         for i in 0..3 {
             out[6 + i][6 + i] = T::splat(w * t + g * t3 / 3.0);
         }
         if let Some(k) = biases(N) {
-            put(&mut out, 0, k, &times(T::splat(-a * t3 / 6.0), body));
-            put(&mut out, 3, k, &times(T::splat(-s * a * t2 / 2.0), body));
-            put(&mut out, 0, k + 3, &times(T::splat(-s * g * t4 / 24.0), forcing));
-            put(&mut out, 3, k + 3, &times(T::splat(-g * t3 / 6.0), forcing));
+            put_block(&mut out, 0, k, &scaled(T::splat(-a * t3 / 6.0), body));
+            put_block(&mut out, 3, k, &scaled(T::splat(-s * a * t2 / 2.0), body));
+            put_block(&mut out, 0, k + 3, &scaled(T::splat(-s * g * t4 / 24.0), forcing));
+            put_block(&mut out, 3, k + 3, &scaled(T::splat(-g * t3 / 6.0), forcing));
             for i in 0..3 {
                 out[6 + i][k + 3 + i] = T::splat(-s * g * t2 / 2.0);
                 out[k + i][k + i] = T::splat(a * t);
@@ -327,38 +333,6 @@ impl<G: Gravity, T: Real> Work for PullAndGradient<'_, G, T> {
 #[inline(always)]
 fn turn<T: Real>(q: Quaternion<T>, a: Vec3<T>, b: Vec3<T>) -> Quaternion<T> {
     quaternion_product(quaternion_product(exp(a), q), exp(b))
-}
-
-/// `k m`.
-#[inline(always)]
-fn times<T: Real>(k: T, m: &Mat3<T>) -> Mat3<T> {
-    [scale(k, m[0]), scale(k, m[1]), scale(k, m[2])]
-}
-
-/// `a + b`.
-#[inline(always)]
-fn add3<T: Real>(a: &Mat3<T>, b: &Mat3<T>) -> Mat3<T> {
-    [add(a[0], b[0]), add(a[1], b[1]), add(a[2], b[2])]
-}
-
-/// `k I + m`.
-#[inline(always)]
-fn plus<T: Real>(k: T, m: &Mat3<T>) -> Mat3<T> {
-    let mut sum = *m;
-    for i in 0..3 {
-        sum[i][i] += k;
-    }
-    sum
-}
-
-/// Puts a block in its place.
-#[inline(always)]
-fn put<T: Real, const N: usize>(out: &mut Matrix<T, N>, row: usize, column: usize, block: &Mat3<T>) {
-    for i in 0..3 {
-        for j in 0..3 {
-            out[row + i][column + j] = block[i][j];
-        }
-    }
 }
 
 /// `C [f×]`, negated: how a turn of the body moves what its accelerometers show.
@@ -472,16 +446,16 @@ impl<T: Real, G: Gravity, const N: usize> DynamicsModel<T, N> for Strapdown<G> {
         }
         for i in 0..9 {
             for j in 6..9 {
-                let mut sum = T::zero();
+                let mut total = T::zero();
                 for k in 6..9 {
-                    sum = half[i][k].mul_add(phi[j][k], sum);
+                    total = half[i][k].mul_add(phi[j][k], total);
                 }
                 if let Some(b) = biases(N) {
                     for k in b + 3..b + 6 {
-                        sum = half[i][k].mul_add(phi[j][k], sum);
+                        total = half[i][k].mul_add(phi[j][k], total);
                     }
                 }
-                out[i][j] = sum;
+                out[i][j] = total;
             }
         }
         if let Some(d) = acceleration(N) {
