@@ -209,3 +209,32 @@ def test_shapes(kind):
         assert log.smooth().state.shape == (*lead, 2, 6)
         assert ln.consistency.nees(log, log.state).mean == 0
         assert ln.consistency.nis(log).value.shape == (*lead, 2)
+
+
+class Drag(ln.dynamics.TwoBody):
+    """A user's orbit that loses a little speed."""
+
+    def propagate(self, state, dt, control=None, **known):
+        moved = super().propagate(state, dt, control, **known).copy()
+        moved[..., 3:] *= 1 - 1e-9 * dt
+        return moved
+
+
+class Biased(ln.sensors.Range):
+    """A user's range that is a metre too long."""
+
+    def predict(self, state, **context):
+        return super().predict(state, **context) + 1.0
+
+
+def test_a_users_subclass_is_asked_itself():
+    x = np.array([7.0e6, 0.0, 0.0, 0.0, 7.5e3, 0.0])
+    mu = 3.986004418e14
+    mine, plain = Drag(mu), ln.dynamics.TwoBody(mu)
+    assert 0 < np.abs(mine.propagate(x, 10.0) - plain.propagate(x, 10.0)).max() < 1e-3
+    np.testing.assert_array_equal(mine.transition(x, 10.0), plain.transition(x, 10.0))
+    ekf = ln.ExtendedKalmanFilter(mine, x, np.eye(6))
+    ekf.predict(10.0)
+    np.testing.assert_allclose(ekf.state, mine.propagate(x, 10.0), rtol=1e-15)
+    step = ekf.update(Biased(1.0), [7.0e6])
+    assert step.innovation[0] == pytest.approx(7.0e6 - np.linalg.norm(mine.propagate(x, 10.0)[:3]) - 1.0)

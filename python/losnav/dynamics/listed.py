@@ -22,6 +22,13 @@ class Listed:
     state_size: ClassVar[int] = 6
     # Do steps depend on when they start?
     time_varying: ClassVar[bool] = False
+    # What the engine calls the model.
+    _built_in: ClassVar[str]
+
+    def __init_subclass__(cls) -> None:
+        # A user's subclass goes by the name of the model it extends.
+        if cls.__module__.startswith("losnav."):
+            cls._built_in = cls.__name__
 
     def propagate(
         self, state: ArrayLike, dt: ArrayLike, control: ArrayLike | None = None, *, time: ArrayLike = 0.0
@@ -138,7 +145,7 @@ class Listed:
     @property
     def _engine_name(self) -> str:
         """What the engine calls the model."""
-        return type(self).__name__
+        return self._built_in
 
     def _parameters(self) -> list[float] | FloatArray:
         """Numbers the engine makes the model of: a list of a few, or an array of many."""

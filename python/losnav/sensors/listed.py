@@ -102,6 +102,13 @@ class Listed:
     block: ClassVar[int] = 0
     # Does the measurement depend on when it is made?
     time_varying: ClassVar[bool] = False
+    # What the engine calls the sensor.
+    _built_in: ClassVar[str]
+
+    def __init_subclass__(cls) -> None:
+        # A user's subclass goes by the name of the sensor it extends.
+        if cls.__module__.startswith("losnav."):
+            cls._built_in = cls.__name__
 
     def residual(self, z: ArrayLike, predicted: ArrayLike) -> FloatArray:
         """Innovation ``z - predicted``, angles wrapped to (-pi, pi].
@@ -147,7 +154,7 @@ class Listed:
         It may have leading dimensions beyond its ``core`` ones, ``fixed`` are those that have none.
         """
         if dcm is not None and parameter.ndim == core and not turns_with(state):
-            single = _core.sensor_single(type(self).__name__, (parameter, *fixed), state, dcm)
+            single = _core.sensor_single(self._built_in, (parameter, *fixed), state, dcm)
             if single is not None:
                 predicted, jacobian = single
                 return predicted, jacobian[:, : np.shape(state)[-1]]
@@ -159,7 +166,7 @@ class Listed:
         else:
             shape, (p, v, a, parameter) = broadcast(*named, (name, parameter, core))
         others = tuple(array[np.newaxis] for array in fixed)
-        predicted, jacobian = _core.sensor_linearize(type(self).__name__, (parameter, *others), p, v, a)
+        predicted, jacobian = _core.sensor_linearize(self._built_in, (parameter, *others), p, v, a)
         in_range(jacobian, f"state or {name}")
         rows = np.shape(predicted)[1]
         seen = np.asarray(jacobian).reshape((*shape, rows, 9))[..., x.columns]
