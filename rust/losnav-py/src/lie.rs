@@ -18,7 +18,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 
 use crate::convert::{self, Floats};
-use crate::dispatch::{LaneJob, Lanes, many, one};
+use crate::dispatch::{LaneJob, Lanes, baseline, many};
 use crate::dynamics::Parameters;
 use crate::dynamics::listed::{
     ClohessyWiltshire, CurvilinearClohessyWiltshire, PerturbedTwoBody, RelativeTwoBody, TwoBody,
@@ -40,6 +40,8 @@ const WIDEST: usize = 8;
 
 /// A model through which series flow.
 pub trait Flowing<const N: usize>: Sync {
+    /// Is a short series worth the code of as many lanes as there are?  Of models that are studied over many states.
+    const LANES: bool;
     /// What flows.
     type Path<T: Real>: State<T, N>;
     /// The path from a state moved along a direction, each lane its own.
@@ -82,6 +84,8 @@ struct Expansion<'a, M, S, U> {
 macro_rules! every_flow {
     ($($listed:ident: $n:literal),* $(,)?) => {
         $(impl Flowing<$n> for $listed {
+            const LANES: bool =
+                matches!(stringify!($listed).as_bytes(), b"TwoBody" | b"ClohessyWiltshire");
             type Path<T: Real> = [T; $n];
             #[inline(always)]
             fn path<V: Lanes, const C: usize>(
@@ -299,10 +303,10 @@ fn matrices<M: Flowing<N>, const N: usize>(
     let mut data = vec![0.0; count * size];
     let work = |(chunk, out): (usize, &mut [f64])| {
         let first = chunk * CHUNK;
-        if question.order < SHORT && question.sources.iter().all(|source| source.lanes) {
+        if M::LANES && question.order < SHORT && question.sources.iter().all(|source| source.lanes) {
             many(Matrices::<M, N, SHORT> { model, question, first, out })
         } else {
-            one(Matrices::<M, N, LONG> { model, question, first, out })
+            baseline(Matrices::<M, N, LONG> { model, question, first, out })
         }
     };
     if count <= 1 {

@@ -40,6 +40,7 @@ impl<V: Lanes, const C: usize> Work for Expansion<'_, V, C> {
 }
 
 impl Flowing<TANGENT> for Strapdown<AnyGravity> {
+    const LANES: bool = false;
     type Path<T: Real> = NavState<T>;
 
     #[inline(always)]

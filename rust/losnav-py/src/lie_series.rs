@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::convert::{self, Floats};
-use crate::dispatch::{LaneJob, Lanes, one};
+use crate::dispatch::{LaneJob, Lanes, baseline};
 use crate::dynamics::Parameters;
 use crate::dynamics::listed::{
     ClohessyWiltshire, CurvilinearClohessyWiltshire, PerturbedTwoBody, RelativeTwoBody, TwoBody,
@@ -88,7 +88,7 @@ pub fn lie_path<'py>(
                     let row = |array: &Floats<'py>, width| Table { data: array.data(), width }.row(k).to_vec();
                     let (x, u, t) = (row(&state, numbers), row(&control, 3), row(&time, 1));
                     let place = Place { time: t.first().copied().unwrap_or(0.0), state: &x, control: &u };
-                    one(Paths::<$listed, $n> { model: &model, place, order, out });
+                    baseline(Paths::<$listed, $n> { model: &model, place, order, out });
                 }
                 return convert::array(py, &[count, order + 1, 1 + $n, numbers], data);
             })*
@@ -192,6 +192,6 @@ pub fn lie_view<'py>(
         dcm: dcm.as_ref().map_or(&UPRIGHT[..], Floats::data),
         out: &mut data,
     };
-    one(views).map_err(|error| undefined(0, 1, error))?;
+    baseline(views).map_err(|error| undefined(0, 1, error))?;
     convert::array(py, &[orders, source.rows, rows], data).map(Some)
 }

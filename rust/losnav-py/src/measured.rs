@@ -154,7 +154,6 @@ impl Measured for SunDirection<f64> {
     const FIELDS: &'static [&'static str] = &["sigma", "_seen"];
     const PLACE: usize = 1;
     const NEEDS_ATTITUDE: bool = false;
-    const LANES: bool = false;
 
     fn size<A: AsRef<[f64]>>(_fields: &[A]) -> (usize, usize) {
         (3, 2)
