@@ -104,11 +104,11 @@ class NavState:
             if name == "quaternion":
                 named.append((name, _canonical(quaternions(value, name)), 1))
                 continue
-            # A plain zero stands for three.
             array = as_float64(value, name)
-            named.append(
-                (name, vectors(np.broadcast_to(array, 3) if not array.ndim else array, name, size), 1)
-            )
+            if not array.ndim and name not in {"position", "velocity"}:
+                # A plain zero stands for three.
+                array = np.broadcast_to(array, 3)
+            named.append((name, vectors(array, name, size), 1))
         shape, flat = broadcast(*named)
         # Copies: what the caller does with the arrays afterwards is not the state's affair.
         self._hold([array.reshape((*shape, array.shape[-1])).copy() for array in flat])

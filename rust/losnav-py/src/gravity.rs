@@ -220,12 +220,13 @@ fn nowhere(lead: &[usize], row: usize, [x, y, z]: [f64; 3]) -> PyErr {
         index.insert(0, (rest % n).to_string());
         rest /= n;
     }
+    if let Some((axis, value)) = [x, y, z].iter().enumerate().find(|(_, c)| !c.is_finite()) {
+        index.push(axis.to_string());
+        let at = index.join(", ");
+        return InvalidInputError::new_err(format!("r[{at}]: expected a finite number, got {value}"));
+    }
     let at = if index.is_empty() { String::new() } else { format!("[{}]", index.join(", ")) };
-    let rule = if [x, y, z].iter().all(|c| c.is_finite()) {
-        "expected a place where the field is finite"
-    } else {
-        "expected finite numbers"
-    };
+    let rule = "expected a place where the field is finite";
     InvalidInputError::new_err(format!("r{at}: {rule}, got [{x}, {y}, {z}]"))
 }
 
