@@ -36,12 +36,14 @@ def main(arguments=None):
     parser.add_argument("--rounds", type=int, default=None, help="interleaved rounds of each table")
     parser.add_argument("--only-filters", action="store_true", help="that section alone, the others kept")
     parser.add_argument("--only-inertial", action="store_true", help="likewise")
+    parser.add_argument("--only-lie", action="store_true", help="likewise")
     options = parser.parse_args(arguments)
     quick = options.quick
     rounds = options.rounds or (3 if quick else 25)
     for wanted, section in (
         (options.only_filters, _filter_section),
         (options.only_inertial, _inertial_section),
+        (options.only_lie, _lie_section),
     ):
         if wanted:
             _replace_section(section(quick, rounds), options.output or (None if quick else RESULTS))
@@ -53,8 +55,7 @@ def main(arguments=None):
     parts.append(attitude.section(quick, rounds))
     parts.append(_filter_section(quick, rounds))
     parts.append(_inertial_section(quick, rounds))
-    _say("Lie derivatives")
-    parts.append(lie.section(quick=quick, rounds=rounds))
+    parts.append(_lie_section(quick, rounds))
     if not quick:
         parts.append(report.kernels(kernels.criterion(), kernels.instructions(), kernels.public_call()))
         parts.append(report.WHY)
@@ -122,6 +123,11 @@ def _filter_section(quick, rounds):
 def _inertial_section(quick, rounds):
     _say("inertial navigation")
     return report.inertial(inertial.tables(rounds=3 if quick else rounds))
+
+
+def _lie_section(quick, rounds):
+    _say("Lie derivatives")
+    return lie.section(quick=quick, rounds=rounds)
 
 
 def _replace_section(section, path):
