@@ -25,6 +25,7 @@ import numpy as np
 
 import losnav as ln
 from benches.clock import Contender, interleaved
+from benches.report import verdict
 
 ORDER = 5
 MODEL, SENSOR = ln.dynamics.TwoBody(1.0), ln.sensors.SunDirection(5e-5)
@@ -102,13 +103,13 @@ def available(makers, x):
     return found
 
 
-def table(title, makers, x, rounds):
-    """Rows of Markdown: medians of interleaved rounds, ratio to losnav, largest difference."""
+def table(title, makers, x, *, rounds, target):
+    """Rows of Markdown: medians of interleaved rounds, ratio to losnav, difference; the target in us."""
     contenders = available(makers, x)
     times = interleaved(contenders, rounds)
     reference = np.asarray(contenders[0].namespace["y"])
     lines = [
-        f"**{title}**",
+        f"### {title}",
         "",
         "| contender | median, µs each | ratio | difference | |",
         "|---|---|---|---|---|",
@@ -119,7 +120,8 @@ def table(title, makers, x, rounds):
         ratio = taken.median / times[0].median
         each = 1e6 * taken.median
         lines.append(f"| {contender.name} | {each:.3g} | {ratio:.3g} | {error:.1e} | {contender.note} |")
-    return "\n".join([*lines, ""])
+    ours = 1e6 * times[0].median
+    return "\n".join([*lines, "", verdict("µs for losnav", ours, target, at_least=False), ""])
 
 
 def section(*, quick, rounds):
@@ -133,8 +135,10 @@ def section(*, quick, rounds):
             "",
             f"Direction to the Sun along a two-body orbit, orders 0 to {ORDER}: a {rows} by 6 matrix.",
             "",
-            table("One state", makers, STATE, rounds),
-            table(f"{size} states", [losnav_matrix, jax_matrix], states(size), rounds),
+            table("One state", makers, STATE, rounds=rounds, target=3.0),
+            table(
+                f"{size} states, each", [losnav_matrix, jax_matrix], states(size), rounds=rounds, target=1.0
+            ),
         ]
     )
 

@@ -81,6 +81,10 @@ def row(title, part, rows):
         )
     if title.startswith("Extended"):
         return f"| filter of six states. {part} | {time} µs | {against(rows, FILTER_PEERS)} |"
+    if title.startswith("Inertial"):
+        return f"| inertial filter, 15 errors. {part} | {time} µs | {against(rows, others(rows))} |"
+    if title.startswith("Lie"):
+        return f"| 18 × 6 matrix of Lie derivatives. {part} | {time} µs | {against(rows, others(rows))} |"
     return ""
 
 
