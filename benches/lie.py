@@ -133,7 +133,7 @@ def section(*, quick, rounds):
         [
             "## Lie derivatives",
             "",
-            f"Direction to the Sun along a two-body orbit, orders 0 to {ORDER}: a {rows} by 6 matrix.",
+            f"Direction to the Sun along a two-body orbit, orders 0 to {ORDER}: {rows} rows, 6 columns.",
             "",
             table("One state", makers, STATE, rounds=rounds, target=3.0),
             table(

@@ -18,6 +18,7 @@ brackets: how far from the optimum), the numba twin checks nothing. All rows, wi
 [benches/RESULTS.md](benches/RESULTS.md), written by `make bench`; `losnav bench` shows latency percentiles on
 your machine.
 """
+OURS = ("losnav", "losnav step", "losnav predict", "losnav update", "losnav run", "losnav lie_matrix")
 FILTER_PEERS = ("numba twin", "numba prange", "filterpy", "Stone Soup")
 PEERS = ("numba twin", "PoseLib refine", "OpenCV solvePnPRefineLM", "SciPy least_squares lm")
 
@@ -44,7 +45,7 @@ def tables(text):
 def others(rows):
     """Names of the contenders that solved anything."""
     solved = [name for name, cells in rows.items() if cells[1][:1].isdigit() and cells[2] != "–"]
-    return [name for name in solved if name not in {"losnav", "contender"}]
+    return [name for name in solved if name != "contender" and not name.startswith("losnav")]
 
 
 def against(rows, peers, ratio=1, off=None):
@@ -58,7 +59,7 @@ def against(rows, peers, ratio=1, off=None):
 
 def row(title, part, rows):
     """One line of the table, or nothing."""
-    ours = next((name for name in ("losnav", "losnav step", "losnav run") if name in rows), None)
+    ours = next((name for name in OURS if name in rows), None)
     if ours is None:
         return ""
     time = rows[ours][0].split(" ")[0]

@@ -74,7 +74,7 @@ def test_a_field_times_a_number(name):
     [
         ([1.0, 2.0], r"r: expected shape \(\.\.\., 3\), got \(2,\)"),
         (1.0, r"r: expected shape \(\.\.\., 3\)"),
-        ([[FAR, FAR], [FAR, [np.nan, 0, 0]]], r"r\[1, 1\]: expected finite numbers"),
+        ([[FAR, FAR], [FAR, [np.nan, 0, 0]]], r"r\[1, 1, 0\]: expected a finite number"),
         ("somewhere", "r: expected"),
     ],
 )

@@ -3,10 +3,8 @@
 //!
 //! Lanes are directions of the state: the values of a series are the same in all, its derivatives are those along one
 //! direction each, so that one state is as wide as the instruction set, and many are shared out to the cores.
-use losnav_core::analysis::lie::{Series, factorial, see, seeded};
+use losnav_core::analysis::lie::{Series, factorial, see, seeded, still};
 use losnav_core::error::ModelError;
-use losnav_core::math::gradient::Gradient;
-use losnav_core::math::jets::Jet;
 use losnav_core::math::real::{Real, Work};
 use losnav_core::math::vec3::Mat3;
 use losnav_core::models::dynamics::DynamicsModel;
@@ -63,12 +61,6 @@ pub struct Place<'a> {
     pub state: &'a [f64],
     /// Held along the way.
     pub control: &'a [f64],
-}
-
-/// The same number in every lane, at rest.
-#[inline(always)]
-pub fn still<V: Lanes, const C: usize>(value: f64) -> Series<V, C> {
-    Jet::constant(Gradient::constant(V::splat(value)))
 }
 
 /// [`expand`] in a function of its own: one for each model and kind of number.

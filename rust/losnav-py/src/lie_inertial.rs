@@ -1,6 +1,6 @@
 //! Lie derivatives along inertial navigation. One size serves all: a state holds everything, so the columns of a smaller
 //! tangent are among those of the largest, `[δr δv δα δb_a δb_g δd]`.
-use losnav_core::analysis::lie::{Series, seeded};
+use losnav_core::analysis::lie::{Series, seeded, still};
 use losnav_core::math::real::{Real, Work};
 use losnav_core::models::dynamics::flow::expand;
 use losnav_core::models::dynamics::strapdown::{ImuSample, Strapdown};
@@ -11,7 +11,7 @@ use pyo3::types::{PyDict, PyTuple};
 
 use crate::dispatch::Lanes;
 use crate::gravity::AnyGravity;
-use crate::lie::{Arguments, Flowing, Place, sources, still};
+use crate::lie::{Arguments, Flowing, Place, sources};
 use crate::strapdown::StrapdownModel;
 
 /// Numbers of a state, of a sample of the unit, and components of the largest tangent.

@@ -1,6 +1,6 @@
 //! One half of a Lie matrix where the other is a model or a sensor in Python: series of a listed model, and what a listed
 //! sensor sees of any series. A series is `(B, K + 1, 1 + N, numbers)`: values first, then derivatives along `N` directions.
-use losnav_core::analysis::lie::Series;
+use losnav_core::analysis::lie::{Series, still};
 use losnav_core::error::ModelError;
 use losnav_core::math::gradient::Gradient;
 use losnav_core::math::jets::Jet;
@@ -20,7 +20,7 @@ use crate::dynamics::listed::{
 };
 use crate::errors::{choice_error, shape_error};
 use crate::filter::{Context, Source};
-use crate::lie::{Flowing, LONG, Look, Place, Table, UPRIGHT, attitude, directions, still, undefined};
+use crate::lie::{Flowing, LONG, Look, Place, Table, UPRIGHT, attitude, directions, undefined};
 
 /// Coefficients: one length for both, neither is called often.
 const C: usize = LONG;

@@ -20,6 +20,13 @@ use crate::models::state::State;
 /// A series in time whose coefficients carry the derivative along one direction (each lane its own).
 pub type Series<T, const C: usize> = Jet<Gradient<T, 1>, C>;
 
+/// A number that neither moves nor depends on anything.
+#[inline(always)]
+#[must_use]
+pub fn still<T: Real, const C: usize>(value: f64) -> Series<T, C> {
+    Jet::constant(Gradient::constant(T::splat(value)))
+}
+
 /// The state moved along `direction` of its tangent by a number whose value is zero and whose derivative is one.
 #[inline(always)]
 pub fn seeded<T, S, const N: usize, const C: usize>(state: &S, direction: &[T; N]) -> S
