@@ -11,6 +11,7 @@ pub mod curvilinear;
 pub mod disturbance;
 pub mod field;
 pub mod flow;
+mod integrated;
 pub mod kepler;
 pub mod lvlh;
 pub mod perturbed_two_body;

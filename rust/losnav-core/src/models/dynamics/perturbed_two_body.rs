@@ -14,11 +14,12 @@ use num_traits::Float;
 
 use super::disturbance::{Path, accumulate};
 use super::field::Field;
+use super::integrated::{Integrated, Propagate, Transit};
 use super::two_body::{TOLERANCE, TwoBody, relative};
 use super::{DynamicsModel, Flow, Specimen};
 use crate::math::gradient::Gradient;
 use crate::math::integrator::{Rates, integrate};
-use crate::math::real::{Real, Work};
+use crate::math::real::Real;
 use crate::math::vec3::{Vec3, add, dot, splat, sub};
 use crate::models::ephemeris::Piece;
 
@@ -101,6 +102,10 @@ impl<S: AsRef<[Stretch]>> PerturbedTwoBody<S> {
         }
         pace
     }
+}
+
+impl<S: AsRef<[Stretch]>> Integrated for PerturbedTwoBody<S> {
+    type Step = Step;
 
     #[inline(always)]
     fn moved<T: Real>(&self, step: &Step, state: &[T; 6], control: Vec3<T>) -> [T; 6] {
@@ -162,42 +167,6 @@ impl<T: Real, S: AsRef<[Stretch]>> Flow<T, 6> for PerturbedTwoBody<S> {
         let [x, y, z, u, v, w] = *state;
         let [a, b, c] = add(self.gravity_about([x, y, z], |pieces| place(pieces, time)), control);
         [u, v, w, a, b, c]
-    }
-}
-
-/// [`DynamicsModel::propagate`].
-struct Propagate<'a, T, S> {
-    model: &'a PerturbedTwoBody<S>,
-    step: &'a Step,
-    state: &'a [T; 6],
-    control: Vec3<T>,
-}
-
-impl<T: Real, S: AsRef<[Stretch]>> Work for Propagate<'_, T, S> {
-    type Output = [T; 6];
-
-    #[inline(always)]
-    fn run(self) -> [T; 6] {
-        self.model.moved(self.step, self.state, self.control)
-    }
-}
-
-/// [`DynamicsModel::transition`].
-struct Transit<'a, T, S> {
-    model: &'a PerturbedTwoBody<S>,
-    step: &'a Step,
-    state: &'a [T; 6],
-    control: Vec3<T>,
-}
-
-impl<T: Real, S: AsRef<[Stretch]>> Work for Transit<'_, T, S> {
-    type Output = ([T; 6], [[T; 6]; 6]);
-
-    #[inline(always)]
-    fn run(self) -> Self::Output {
-        let [x, y, z] = self.control;
-        let control = [x, y, z].map(Gradient::constant);
-        Gradient::split(&self.model.moved(self.step, &Gradient::variables(self.state), control))
     }
 }
 

@@ -17,12 +17,13 @@ use num_traits::Float;
 use super::disturbance::{Path, accumulate};
 use super::field::Field;
 use super::flow::known_orbit;
+use super::integrated::{Integrated, Propagate, Transit};
 use super::lvlh::Frame;
 use super::two_body::{TOLERANCE, TwoBody};
 use super::{DynamicsModel, Flow, Specimen};
 use crate::math::gradient::Gradient;
 use crate::math::integrator::{Rates, integrate};
-use crate::math::real::{Real, Work};
+use crate::math::real::Real;
 use crate::math::vec3::{Vec3, add, dot, rotate_transposed, sub};
 
 /// Where the chaser was.
@@ -132,7 +133,9 @@ fn rounds<T: Real>(chaser: &[f64; 6], state: &[T; 6]) -> usize {
     rounds
 }
 
-impl<S: AsRef<[Fix]>> RelativeTwoBody<S> {
+impl<S: AsRef<[Fix]>> Integrated for RelativeTwoBody<S> {
+    type Step = Step;
+
     #[inline(always)]
     fn moved<T: Real>(&self, step: &Step, state: &[T; 6], control: Vec3<T>) -> [T; 6] {
         if step.dt == 0.0 {
@@ -211,42 +214,6 @@ impl<T: Real, S: AsRef<[Fix]>> Flow<T, 6> for RelativeTwoBody<S> {
         let turning = sub(field.acceleration(three(&chaser, 0)), apart);
         let frame = Frame::new(target, moving(motion, turning), field.acceleration(target));
         frame.relative(moving(d, w), moving(w, apart)).map(|x| x.slope[0])
-    }
-}
-
-/// [`DynamicsModel::propagate`].
-struct Propagate<'a, T, S> {
-    model: &'a RelativeTwoBody<S>,
-    step: &'a Step,
-    state: &'a [T; 6],
-    control: Vec3<T>,
-}
-
-impl<T: Real, S: AsRef<[Fix]>> Work for Propagate<'_, T, S> {
-    type Output = [T; 6];
-
-    #[inline(always)]
-    fn run(self) -> [T; 6] {
-        self.model.moved(self.step, self.state, self.control)
-    }
-}
-
-/// [`DynamicsModel::transition`].
-struct Transit<'a, T, S> {
-    model: &'a RelativeTwoBody<S>,
-    step: &'a Step,
-    state: &'a [T; 6],
-    control: Vec3<T>,
-}
-
-impl<T: Real, S: AsRef<[Fix]>> Work for Transit<'_, T, S> {
-    type Output = ([T; 6], [[T; 6]; 6]);
-
-    #[inline(always)]
-    fn run(self) -> Self::Output {
-        let [x, y, z] = self.control;
-        let control = [x, y, z].map(Gradient::constant);
-        Gradient::split(&self.model.moved(self.step, &Gradient::variables(self.state), control))
     }
 }
 
