@@ -109,8 +109,11 @@ fn split<'a, T>(rest: &mut &'a mut [T], count: usize) -> &'a mut [T] {
 /// The epoch at which each exposure is known: the first that is `delay` or more after it.
 fn known_at(times: &[f64], delay: f64) -> Vec<Option<usize>> {
     let slack = |t: f64| 4.0 * f64::EPSILON * t.abs().max(delay.abs());
-    let later = |exposed: &f64| times.iter().position(|t| *t >= exposed + delay - slack(*t));
-    times.iter().map(later).collect()
+    let later = |(k, exposed): (usize, &f64)| {
+        let after = times[k..].iter().position(|t| *t >= exposed + delay - slack(*t));
+        after.map(|steps| k + steps)
+    };
+    times.iter().enumerate().map(later).collect()
 }
 
 /// See `losnav.ExtendedKalmanFilter.run`.

@@ -237,8 +237,12 @@ impl<'a, F: InertialForm, const N: usize> Flight<'a, F, N> {
             match &channel.known {
                 None => due.push((index, epoch)),
                 Some(known) => {
-                    let known = known.iter().take(epoch + 1).enumerate();
-                    due.extend(known.filter(|(_, at)| **at == Some(epoch)).map(|(k, _)| (index, k)));
+                    // What was exposed earlier is known earlier: those of this epoch are the last that are.
+                    let from = due.len();
+                    let back = (0..=epoch).rev().map(|k| (k, known.get(k).copied().flatten()));
+                    let last = back.take_while(|(_, at)| at.is_none_or(|at| at >= epoch));
+                    due.extend(last.filter(|(_, at)| *at == Some(epoch)).map(|(k, _)| (index, k)));
+                    due[from..].reverse();
                 }
             }
         }
