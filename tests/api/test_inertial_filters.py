@@ -114,6 +114,17 @@ def test_numbers_of_a_step(flight):
     assert (again.nis, again.dof, list(again.used)) == (step.nis, step.dof, list(step.used))
 
 
+def test_what_is_only_considered_has_no_gain(flight):
+    pixels, _, _ = flight
+    ekf = made(consider=[6, 7, 8])
+    step = ekf.update(CAMERA, pixels[0])
+    assert (step.gain[6:] == 0.0).all()
+    assert (step.gain[:3] != 0.0).any()
+    delta = ekf.state.minus(hover.START, 9)
+    np.testing.assert_allclose(delta, step.gain @ step.innovation, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(ekf.covariance[6:, 6:], SIX[6:, 6:], rtol=1e-12)
+
+
 def test_a_pose_used_at_once_is_the_pose_of_now(flight):
     pixels, _, _ = flight
     direct, through = made(), made()

@@ -24,6 +24,12 @@ pub struct Settings {
 }
 
 impl Settings {
+    /// Components that are uncertain but not corrected.
+    pub fn considered(&self) -> Vec<usize> {
+        let flags = self.consider.iter().flatten().enumerate();
+        flags.filter(|(_, flag)| **flag).map(|(index, _)| index).collect()
+    }
+
     /// The same for a state of `N`.
     pub fn options<const N: usize>(&self) -> Options<N> {
         let flag = |flags: &Vec<bool>| core::array::from_fn(|i| flags.get(i).copied().unwrap_or(false));

@@ -339,7 +339,7 @@ impl InertialFilter {
                     accepted: record.accepted[k],
                     used: record.used[from..from + rows].to_vec(),
                     underweighting: self.settings.underweighting,
-                    consider: Vec::new(),
+                    consider: self.settings.considered(),
                 }
                 .into(),
             );
